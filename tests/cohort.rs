@@ -178,6 +178,69 @@ fn knees_are_told_what_the_others_measured_and_not_what_they_did() {
     assert!((mean(&out) - mean(&turned)).abs() < 1e-9);
 }
 
+/// A build of [`like_it`] with its side, another id, and another digest of its surfaces where `other_files`.
+fn with_side(knee: &Path, folder: &Path, (id, side): (&str, &str), other_files: bool) -> PathBuf {
+    let place = like_it(knee, folder, id);
+    let mut identity = json(&knee.join("build/01-ingest/identity.json"));
+    identity["side"] = side.into();
+    std::fs::create_dir_all(place.join("build/01-ingest")).unwrap();
+    write(&place.join("build/01-ingest/identity.json"), identity.to_string());
+    let mut run: toml::Table = text(&place.join("build/run.toml")).parse().unwrap();
+    run["specimen"].as_table_mut().unwrap().insert("id".into(), id.into());
+    if other_files {
+        let inputs = run["inputs"].as_table_mut().unwrap();
+        inputs.iter_mut().for_each(|(name, digest)| *digest = format!("{id} {name}").into());
+    }
+    write(&place.join("build/run.toml"), run.to_string());
+    place
+}
+
+#[test]
+fn one_knee_that_is_given_twice_and_one_with_a_shared_prior_are_told() {
+    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
+    let build = |within: &str, named: (&str, &str), other_files: bool| {
+        with_side(knee, &folder.path().join(within), named, other_files)
+    };
+    let told = |builds: [&Path; 2], out: &str| {
+        let out = folder.path().join(out);
+        let run = build_model().arg("cohort").args(builds).arg("--out").arg(&out).assert().success();
+        let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+        assert_eq!(printed.contains("not independent: "), text(&out.join("cohort.html")).contains("id=\"dependent\""));
+        printed
+    };
+    let a = build("one", ("A", "left"), false);
+    // one id and side, of other files
+    let printed = told([&a, &build("two", ("A", "left"), true)], "of_id");
+    assert!(printed.contains("one/A and two/A are one knee: both are A left."), "{printed}");
+    // another id, of the same files
+    let b = build("one", ("B", "left"), false);
+    let printed = told([&a, &b], "of_files");
+    assert!(printed.contains("A and B are one knee: both are left knees of one file, "), "{printed}");
+    // both knees of one picture, both knees of one person, and two that have nothing in common
+    for (k, (named, other_files)) in
+        [(("C", "right"), false), (("A", "right"), true), (("D", "left"), true)].into_iter().enumerate()
+    {
+        let printed = told([&a, &build("three", named, other_files)], &format!("apart_{k}"));
+        assert!(!printed.contains("not independent"), "{named:?}: {printed}");
+    }
+    // the same two, one with a prior that other knees gave
+    let d = folder.path().join("three/D");
+    let file = d.join("build/10-calibrate/joint/model.json");
+    let mut model = json(&file);
+    model["calibrated"]["shared_prior"] =
+        serde_json::json!({"file": "prior.json", "digest": "ab", "from": ["other left"], "numbers": 2});
+    write(&file, model.to_string());
+    let printed = told([&a, &d], "shared");
+    assert!(
+        printed.contains(&format!("not independent: D: {DEPENDENT}")) && !printed.contains("one knee"),
+        "{printed}"
+    );
+    let table = text(&folder.path().join("shared/knees.csv"));
+    // the build's folder is the last column
+    let of: Vec<&str> = table.lines().map(|line| line.rsplit(',').nth(1).unwrap()).collect();
+    assert_eq!(of, ["shared_prior", "", "prior.json"]);
+}
+
 #[test]
 fn knees_that_cannot_share_are_refused_with_what_to_do() {
     let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
@@ -328,6 +391,14 @@ fn made_prior(knee: &Path) -> Shared {
 /// Settings of a rough calibration that ends soon.
 const QUICK: [&str; 4] = ["inference.starts=1", "inference.finalists=1", "inference.rounds=1", "inference.samples=12"];
 
+/// Why credibility.json grades the ligament parameters that the data settle as it does.
+fn why_determined(credibility: &Value) -> String {
+    let factors = credibility["factors"].as_array().unwrap();
+    let mut evidence = factors.iter().flat_map(|f| f["evidence"].as_array().unwrap());
+    let row = evidence.find(|e| e["id"] == "parameters-determined").unwrap();
+    row["why"].as_str().unwrap().to_owned()
+}
+
 /// What a reader is told of a model that this prior is in.
 const DEPENDENT: &str = "The prior of 2 numbers is what 1 other knee says (prior.json: other left), so the result is not independent of that knee.";
 
@@ -380,12 +451,14 @@ fn a_build_with_a_shared_prior_says_on_every_page_that_it_is_not_independent() {
     copy(one_knee::specimen(), &knee);
     write(&file, serde_json::to_vec(&made_prior(&knee)).unwrap());
     let mut command = build_model();
-    command.arg(&knee).arg("--quiet");
+    command.arg(&knee);
     let shared = format!("shared_prior={}", file.display());
     for set in QUICK.into_iter().chain([shared.as_str()]) {
         command.args(["--set", &format!("calibrate.{set}")]);
     }
-    command.assert().success();
+    let run = command.assert().success();
+    let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    assert!(printed.contains(DEPENDENT), "{printed}");
     build_model().arg("credibility").arg(&knee).arg("--quiet").assert().success();
     let build = knee.join("build");
     for model in ["joint", "kla", "rks"] {
@@ -395,13 +468,14 @@ fn a_build_with_a_shared_prior_says_on_every_page_that_it_is_not_independent() {
     let credibility = json(&build.join("credibility.json"));
     let prior = &credibility["shared_prior"];
     assert_eq!((prior["file"].as_str(), prior["numbers"].as_u64()), (Some("prior.json"), Some(2)), "{prior}");
+    assert!(why_determined(&credibility).contains("what other knees say"), "{credibility}");
     for page in ["report.html", "methods.md", "credibility.html"] {
         assert!(text(&build.join(page)).contains(DEPENDENT), "{page}");
     }
     // on the report's first screen, before any stage
     let report = text(&build.join("report.html"));
     let (first, _) = report.split_once("<main").unwrap();
-    assert!(first.contains(DEPENDENT), "{first}");
+    assert!(first.contains(DEPENDENT) && first.contains("on what other knees say"), "{first}");
     // and a knee that had none says nothing
     let own = text(&one_knee::specimen().join("build/report.html"));
     assert!(!own.contains("id=\"shared-prior\""));

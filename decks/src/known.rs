@@ -90,6 +90,7 @@ pub(super) fn judge(deck: &DeckText) -> Result<Vec<Notice>, DeckError> {
             Some(known) if known.class == Class::Told => {
                 tell(format!("*{} is passed over: {}", block.keyword, known.why));
             }
+            Some(_) if is_spare(deck, block) => {}
             Some(known) if known.class == Class::Obeyed => {
                 let odd = block.options.iter().filter(|(name, value)| !known.has(name, value));
                 odd.for_each(|(name, value)| {
@@ -103,6 +104,15 @@ pub(super) fn judge(deck: &DeckText) -> Result<Vec<Notice>, DeckError> {
         }
     }
     Ok(told.into_iter().map(|(what, (count, place))| said(&what, count, &place)).collect())
+}
+
+/// Whether a block is a surface of nodes that no contact pair names.
+fn is_spare(deck: &DeckText, block: &Block) -> bool {
+    let Some(name) = block.option("NAME").filter(|_| block.keyword == "SURFACE") else { return false };
+    let is_name = |cell: &&str| cell.rsplit('.').next().is_some_and(|own| own.eq_ignore_ascii_case(&name));
+    let mut pairs = deck.blocks.iter().filter(|b| b.keyword == "CONTACT PAIR");
+    let of_nodes = block.option("TYPE").as_deref() == Some("node");
+    of_nodes && !pairs.any(|pair| pair.rows().any(|(_, cells)| cells.iter().any(is_name)))
 }
 
 /// What is said of a keyword that Abaqus does not have.

@@ -225,7 +225,8 @@ impl DeckModel {
             for (x, cell) in p.iter_mut().zip(cells.iter().skip(1)) {
                 *x = deck.number(block, line, cell)?;
             }
-            if let Some(what) = not_a_normal(&deck.numbers(block, line, cells.get(4..).unwrap_or(&[]))?) {
+            let further = cells.get(4..).unwrap_or(&[]);
+            if let Some(what) = not_a_normal(further, &deck.numbers(block, line, further)?) {
                 return Err(deck.error(block, line, what));
             }
             let p = self.scopes.place(at.scope, &(system * place::cartesian(deck, block, p)?));
@@ -285,12 +286,13 @@ impl DeckModel {
         let block = at.block;
         let Some(name) = block.option("NAME") else { return Ok(()) };
         let mut parts = Vec::new();
+        let of_nodes = block.option("TYPE").as_deref() == Some("node");
         for (line, cells) in block.rows() {
             if let Some(set) = cells.first() {
                 let face = cells.get(1).map_or(String::new(), |f| f.to_uppercase());
                 let known = self.found(&self.elsets, at.scope, set);
                 parts.push((known.unwrap_or_else(|| set.to_lowercase()), face));
-                if parts.len() > 1 && parts[0].0 != parts[parts.len() - 1].0 {
+                if !of_nodes && parts.len() > 1 && parts[0].0 != parts[parts.len() - 1].0 {
                     let what = "surfaces list several element sets; only the first makes the contact face";
                     self.tell(deck, block, line, what.into());
                 }
@@ -558,16 +560,14 @@ fn second_time(what: &str) -> String {
     format!("{what} are given a second time, otherwise; the last one is taken for the whole deck")
 }
 
-/// The length of a normal of a node may be off by so much [-]: a few digits.
-const NORMAL: f64 = 0.02;
-
-/// What is said of numbers behind a node's coordinates that are no normal of length 1, as halves of numbers with decimal commas are not.
-fn not_a_normal(further: &[f64]) -> Option<String> {
-    let length = further.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let is_normal = length == 0.0 || further.len() <= 3 && (length - 1.0).abs() < NORMAL;
-    (!is_normal).then(|| {
+/// What is said of cells behind a node's coordinates that are no normal. Halves of numbers with decimal commas are digits alone, and some are above 1. Abaqus
+/// takes normals of any length.
+fn not_a_normal(cells: &[&str], further: &[f64]) -> Option<String> {
+    let is_whole = |cell: &&str| cell.trim().chars().all(|c| c.is_ascii_digit() || c == '-' || c == '+');
+    let are_halves = cells.iter().all(is_whole) && further.iter().any(|x| x.abs() > 1.0);
+    are_halves.then(|| {
         format!(
-            "the node has {} numbers behind its coordinates, which are no direction of length 1: are they decimal commas? Write decimal points; expected label, x, y, z",
+            "the node has {} numbers behind its coordinates, which are whole and no direction: are they decimal commas? Write decimal points; expected label, x, y, z",
             further.len()
         )
     })

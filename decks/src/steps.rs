@@ -138,7 +138,9 @@ fn controls(
         let turns = matches!(coordinate, ChainCoordinate::Ie | ChainCoordinate::Vv | ChainCoordinate::Fe);
         let factors = amplitude.iter().flat_map(|a| &a.points).map(|p| p[1].abs());
         let most = magnitude.abs() * factors.reduce(f64::max).unwrap_or(1.0);
-        if turns && kind == ControlKind::Motion && most > MOST_TURN {
+        // a speed has no such limit
+        let is_place = block.option("TYPE").is_none_or(|t| t == "displacement");
+        if turns && is_place && kind == ControlKind::Motion && most > MOST_TURN {
             let what = format!("a motion turns by {most} rad; expected {MOST_TURN} at most: is it in degrees?");
             return Err(deck.error(block, line, what));
         }

@@ -20,6 +20,16 @@ struct Moved {
     flags: String,
 }
 
+/// What came of a row.
+enum Answered {
+    /// The model has a pose under each load.
+    Moved(Moved),
+    /// The model lacks a ligament that the row cuts: which, in words. The row is not asked of it.
+    NotInModel(String),
+    /// There is no pose: why, in words.
+    Nowhere(String),
+}
+
 /// Prints every row of a model, and how many lie within [`ALIKE`] scatters.
 ///
 /// Errors: a table or a model that cannot be read.
@@ -31,33 +41,39 @@ pub(crate) fn table(path: &Path) -> Result<(), BuildError> {
     println!("\n{}, other loads\n", loaded.label());
     println!("| source (knees) | test | state | flexion deg | model | cadavers (sd) | off by sd | flags |");
     println!("|---|---|---|---|---|---|---|---|");
-    let moved: Vec<Result<Moved, SimError>> = rows.par_iter().map(|row| moved(&intact, row)).collect();
-    let offs: Vec<Option<f64>> = rows.iter().zip(&moved).map(|(row, moved)| off(row, moved)).collect();
-    for ((row, moved), off) in rows.iter().zip(&moved).zip(&offs) {
-        println!("{}", line(row, moved, *off));
+    let answers: Vec<Answered> = rows.par_iter().map(|row| answered(&intact, row)).collect();
+    let offs: Vec<Option<f64>> = rows.iter().zip(&answers).map(|(row, answer)| off(row, answer)).collect();
+    for ((row, answer), off) in rows.iter().zip(&answers).zip(&offs) {
+        println!("{}", line(row, answer, *off));
     }
     sums(&rows, &offs);
     Ok(())
 }
 
 /// A row's line.
-fn line(row: &Row, moved: &Result<Moved, SimError>, off: Option<f64>) -> String {
-    let (motion, flags) = match moved {
-        Ok(moved) => (format!("{:.1} {}", moved.motion, row.unit), moved.flags.clone()),
-        Err(e) => ("none".to_owned(), e.to_string()),
+fn line(row: &Row, answer: &Answered, off: Option<f64>) -> String {
+    let (motion, flags) = match answer {
+        Answered::Moved(moved) => (format!("{:.1} {}", moved.motion, row.unit), moved.flags.clone()),
+        Answered::NotInModel(why) => ("not in the model".to_owned(), why.clone()),
+        Answered::Nowhere(why) => ("none".to_owned(), why.clone()),
     };
     let off = off.filter(|off| off.is_finite()).map_or(String::new(), |off| format!("{off:+.1}"));
     let (source, test, cadavers) = (row.source_told(), row.test_told(), row.cadavers_told());
     format!("| {source} | {test} | {} | {} | {motion} | {cadavers} | {off} | {flags} |", row.state, row.fe_deg)
 }
 
-/// How many scatters a model is off [-]: none where no scatter was told, without end where the model has no answer.
-fn off(row: &Row, moved: &Result<Moved, SimError>) -> Option<f64> {
+/// How many scatters a model is off [-]: none where no scatter was told or the row was not asked, without end where the model has no pose.
+fn off(row: &Row, answer: &Answered) -> Option<f64> {
     let sd = row.sd?;
-    Some(moved.as_ref().map_or(f64::INFINITY, |moved| (moved.motion - row.mean) / sd))
+    match answer {
+        Answered::Moved(moved) => Some((moved.motion - row.mean) / sd),
+        Answered::NotInModel(_) => None,
+        Answered::Nowhere(_) => Some(f64::INFINITY),
+    }
 }
 
-/// Prints how many rows lie within [`ALIKE`] scatters: in all, by what the scatter is, by test. Rows without a scatter do not count.
+/// Prints how many rows lie within [`ALIKE`] scatters: in all, by what the scatter is, by test. Rows without a scatter do not count, nor do
+/// those that were not asked.
 fn sums(rows: &[Row], offs: &[Option<f64>]) {
     let count = |wanted: &dyn Fn(&Row) -> bool| {
         let offs: Vec<f64> = rows.iter().zip(offs).filter(|(row, _)| wanted(row)).filter_map(|(_, off)| *off).collect();
@@ -78,14 +94,23 @@ fn sums(rows: &[Row], offs: &[Option<f64>]) {
     println!("by test: {}", by_test.collect::<Vec<_>>().join(", "));
 }
 
-/// What a model does in a row.
+/// What comes of a row.
+fn answered(intact: &Model, row: &Row) -> Answered {
+    // a cut fails where the model lacks the ligament, and nowhere else
+    let model = match intact.without(&row.cut) {
+        Ok(model) => model,
+        Err(e) => return Answered::NotInModel(e.to_string()),
+    };
+    moved(&model, row).map_or_else(|e| Answered::Nowhere(e.to_string()), Answered::Moved)
+}
+
+/// What a model, cut as the row asks, does in it.
 ///
-/// Errors: a ligament that the model has not, a pose without equilibrium.
-fn moved(intact: &Model, row: &Row) -> Result<Moved, SimError> {
-    let model = intact.without(&row.cut)?;
+/// Errors: a pose without equilibrium.
+fn moved(model: &Model, row: &Row) -> Result<Moved, SimError> {
     let mut trials = vec![asked(row, None)];
     trials.extend(row.pushes.iter().map(|push| asked(row, Some(push))));
-    let solved = solve_trials(&model, &trials, &TrialOptions::default());
+    let solved = solve_trials(model, &trials, &TrialOptions::default());
     let answers: Vec<Answer> = solved.into_iter().collect::<Result<_, _>>()?;
     let mut motion = 0.0;
     for (push, answer) in row.pushes.iter().zip(&answers[1..]) {

@@ -10,6 +10,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+mod dependent;
 mod infer;
 mod knee;
 mod outliers;
@@ -102,15 +103,16 @@ pub fn cohort(args: &CohortArgs) -> Result<Told, BuildError> {
         return Err(BuildError::Usage(format!("{a} and {b} are one build; expected each knee once")));
     }
     let outliers = outliers::outliers(&knees);
+    let dependent = dependent::dependent(&knees);
     let out = store::make_folder(&args.out)?;
     let mut files = Vec::new();
     let tables = tables::tables(&knees, &outliers);
     for table in &tables {
         files.extend(table.files()?);
     }
-    files.push(("cohort.html".to_owned(), page::page(&knees, &outliers, &tables, &out).into_bytes()));
+    files.push(("cohort.html".to_owned(), page::page(&knees, (&outliers, &dependent), &tables, &out).into_bytes()));
     store::write_all(&out, &files)?;
-    Ok(Told::words(words(&knees, &outliers, &out)).with(&as_data(&knees, &outliers, &files, &out)))
+    Ok(Told::words(words(&knees, (&outliers, &dependent), &out)).with(&as_data(&knees, &outliers, &files, &out)))
 }
 
 /// The word that asks for a shared prior in place of the page.
@@ -155,7 +157,8 @@ fn of<'a>(outliers: &'a [Outlier], knee: &Knee) -> Vec<&'a Outlier> {
     outliers.iter().filter(|o| o.knee == knee.name).collect()
 }
 
-fn words(knees: &[Knee], outliers: &[Outlier], out: &Path) -> String {
+/// The words to print: what is odd of the cohort (outliers, then why knees are not independent) and where the page is.
+fn words(knees: &[Knee], (outliers, dependent): (&[Outlier], &[String]), out: &Path) -> String {
     let mut text = String::new();
     for k in knees {
         match &k.status {
@@ -168,6 +171,7 @@ fn words(knees: &[Knee], outliers: &[Outlier], out: &Path) -> String {
             }
         }
     }
+    dependent.iter().for_each(|words| text += &format!("not independent: {words}\n"));
     let failed = knees.iter().filter(|k| k.failed()).count();
     let count = if knees.len() == 1 { "1 knee".to_owned() } else { format!("{} knees", knees.len()) };
     text + &format!("{count}, {failed} failed\nLook at {}\n", out.join("cohort.html").display())

@@ -74,7 +74,8 @@ fn context(args: &CredibilityArgs, folder: &Path) -> Result<Context, BuildError>
 /// What is known of the build in `folder`.
 fn judged(folder: &Path, context: &Context) -> Result<CredibilityTold, BuildError> {
     let build = Build::open(folder)?;
-    let rows = rows::all(&build, context);
+    let shared_prior = figures::shared_prior(&build);
+    let rows = rows::all(&build, context, shared_prior.as_ref());
     let risk = context.risk();
     let of = |factor: Factor| {
         let evidence: Vec<Evidence> = rows.iter().filter(|r| r.factor == factor).cloned().collect();
@@ -87,7 +88,7 @@ fn judged(folder: &Path, context: &Context) -> Result<CredibilityTold, BuildErro
         schema: SCHEMA,
         knee: build.knee.clone(),
         model: build.model.clone(),
-        shared_prior: figures::shared_prior(&build),
+        shared_prior,
         program: build.program.clone(),
         context: context.clone(),
         model_risk: risk,

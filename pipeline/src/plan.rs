@@ -1,5 +1,6 @@
 //! `plan`: a ligament's reconstruction on a knee, before it is done: intact, deficient and reconstructed side by side.
 
+mod astray;
 mod chances;
 mod file;
 mod ground;
@@ -50,7 +51,7 @@ pub struct PlanArgs {
     /// Which model of a build
     #[command(flatten)]
     pub which: WhichModel,
-    /// Folder for plan.json, plan.csv and plan.html; of a sweep for sweep.csv and sweep.html
+    /// Folder for plan.json, plan.csv and plan.html; of a sweep for sweep.csv, sweep.json and sweep.html
     #[arg(long, default_value = "plan")]
     pub out: PathBuf,
     /// Samples of the posterior, where the model has any: mean and 90 % interval stand beside every value; 0: the one model alone

@@ -2,6 +2,7 @@
 
 use crate::build::build_model;
 use crate::build_args::BuildArgs;
+use crate::cohort::shared;
 use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
 use crate::progress::Progress;
@@ -32,7 +33,7 @@ pub fn run(args: &BuildArgs) -> Result<Told, BuildError> {
         return Err(BuildError::Usage("--to segment: the specimen has surfaces and no CT volume ([ct] volume)".into()));
     }
     let mut options = resolve(&file.options, &args.overrides, args.seed)?;
-    crate::cohort::shared::read_in(&mut options.calibrate, &called_by(&file.specimen.id, file.specimen.side))?;
+    shared::read_in(&mut options.calibrate, &called_by(&file.specimen.id, file.specimen.side))?;
     if args.to.as_deref() == Some("contact-law") && !options.contact_law.fit {
         return Err(BuildError::Usage("--to contact-law: the stage runs only with --set contact-law.fit=true".into()));
     }
@@ -78,7 +79,8 @@ pub fn run(args: &BuildArgs) -> Result<Told, BuildError> {
     } else {
         let mut odd = inspect::notices(&records, &out);
         odd.extend(read);
-        Told::words(closing_words(&out, &records, page)).odd(odd)
+        let prior = shared::of_options(&options.calibrate).as_ref().and_then(shared::sentence);
+        Told::words(closing_words(&out, &records, page, prior.as_deref())).odd(odd)
     })
 }
 
@@ -163,7 +165,8 @@ fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> R
     toml::to_string(&table).map_err(|e| BuildError::File(format!("run.toml: {e}")))
 }
 
-fn closing_words(out: &Path, records: &[Record], page: &str) -> String {
+/// What is said at the end of a build. `prior`: whose data are in the prior of its calibration, in a sentence, where other knees gave it.
+fn closing_words(out: &Path, records: &[Record], page: &str, prior: Option<&str>) -> String {
     let mut text = inspect::table(records);
     let _ = writeln!(text, "\nThe report is {}. Open it: {}", out.join(page).display(), command_on("open", out));
     let left: Vec<&str> = records.iter().filter(|r| r.outdated).map(|r| r.stage.as_str()).collect();
@@ -181,6 +184,9 @@ fn closing_words(out: &Path, records: &[Record], page: &str) -> String {
         let best = chosen(out, &WhichModel::default());
         let file = best.unwrap_or_else(|_| out.join(folder_name("assemble")).join("model.json"));
         let standing = if done("calibrate") { "calibrated" } else { "assembled, not calibrated" };
+        if let Some(words) = prior.filter(|_| done("calibrate")) {
+            let _ = writeln!(text, "{words}");
+        }
         let _ = writeln!(text, "The model is {} ({standing})", file.display());
     }
     text

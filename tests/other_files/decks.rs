@@ -115,6 +115,18 @@ fn numbers_of_a_deck_that_are_written_otherwise_are_refused_at_their_line() {
     let (code, words) =
         changed("2001, -30.0, 0.3333333333333333, 19.0", "2001, -30.0, 0.3333333333333333, 19.0, 0., 0.6, 0.8");
     assert_eq!(code, 0, "{words}");
+    // of another length, and a surface of nodes that no contact uses
+    for (from, to) in [
+        ("2001, -30.0, 0.3333333333333333, 19.0", "2001, -30.0, 0.3333333333333333, 19.0, 0., 3.0, 4.0"),
+        ("*SURFACE INTERACTION, NAME", "*SURFACE, TYPE=NODE, NAME=SPARE\n2001,\n2003,\n*SURFACE INTERACTION, NAME"),
+    ] {
+        let (code, words) = changed(from, to);
+        assert!(code == 0 && !words.contains("TYPE=NODE") && !words.contains("several element sets"), "{words}");
+    }
+    // a speed in rad/s is no angle
+    let motion = "AMPLITUDE=FLEX_RAMP\nAXIS_TF_ML, 4, 0.6235987755982988";
+    let (_, words) = changed(motion, "AMPLITUDE=FLEX_RAMP, TYPE=VELOCITY\nAXIS_TF_ML, 4, 4.0");
+    assert!(!words.contains("in degrees"), "{words}");
     let (code, words) = deck(&KNEE[..9000]);
     assert_eq!(code, 1, "{words}");
     holds(&words, &["cut short"]);

@@ -40,8 +40,23 @@ fn a_table_s_words_beside_its_numbers_are_told() {
     let flagged = with_column("flags", |k| if k == 4 { "exclude".into() } else { String::new() });
     holds(&said(&flagged), &["row 6, column \"flags\": \"exclude\"", "leave the row out"]);
     assert_eq!(said(&with_column("flags", |_| "moving".into())), "");
-    let sums = "mean,anterior,30,0,0,0,100,20,30.3,0.5,-1,0.5,3.6,-28.4\n";
-    holds(&said(&(good() + sums)), &["1 trials sum up others", "\"mean\""]);
+    for text in ["not excluded", "bad=False", "good; not bad"] {
+        assert_eq!(said(&with_column("flags", |_| text.into())), "", "{text}");
+    }
+    assert_eq!(said(&with_column("Notes", |_| "second knee of the day".into())), "");
+    let noted = with_column("comment", |k| if k == 4 { "marker slipped".into() } else { String::new() });
+    holds(&said(&noted), &["row 6, column \"comment\""]);
+    let again = |name: &str, ap: &str| format!("{name},anterior,30,0,0,0,100,20,30.3,0.5,-1,0.5,{ap},-28.4\n");
+    let single = again("anterior_30_2", "3.9");
+    let sums = |name: &str, ap: &str| said(&(good() + &single + &again(name, ap)));
+    holds(&sums("mean", "3.7"), &["1 trials sum up others", "\"mean\""]);
+    holds(&sums("anterior_30_sd", "0.2"), &["1 trials sum up others"]);
+    // another reading, somebody's initials, and no single trials beside it
+    for said in
+        [sums("mean", "9.1"), sums("SD_30", "3.7"), sums("SD_30", "4.2"), said(&(good() + &again("mean", "3.6")))]
+    {
+        assert!(!said.contains("sum up others"), "{said}");
+    }
     // a table of means alone is one of readings
     let means: String = good()
         .lines()
@@ -74,19 +89,25 @@ fn noise_tension_and_a_column_that_nobody_read_are_told() {
 
 #[test]
 fn readings_that_end_at_one_number_are_told() {
-    let with = |most: f64| {
-        laxity(|t, f| {
+    let with = |read: &dyn Fn(f64) -> f64| {
+        let row = |t: &str, f: f64| {
             let row = plain(t, f, f + 0.3);
             let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
             let ap = cells[12].parse::<f64>().unwrap() + 0.012_345_7 * f + 0.001_237 * t.len() as f64;
-            cells[12] = ap.min(most).to_string();
+            cells[12] = read(ap).to_string();
             // the rest of the knee goes on
-            cells[9] = (0.5 + 0.017 * f).to_string();
+            cells[13] = (0.017 * f - 28.5).to_string();
             cells.join(",")
-        })
+        };
+        let more = ["anterior", "posterior", "internal", "external", "varus", "valgus"].map(|t| row(t, 60.0) + "\n");
+        laxity(row) + &more.concat()
     };
-    assert_eq!(said(&with(f64::INFINITY)), "");
-    holds(&said(&with(2.0)), &["ap_mm is exactly 2 mm in 3 of 6 readings", "clipped"]);
+    assert_eq!(said(&with(&|ap| ap)), "");
+    holds(&said(&with(&|ap| ap.min(3.6))), &["ap_mm is exactly 3.6 mm in 3 of 8 readings", "clipped"]);
+    // a displacement that a test goes to, and an instrument of whole mm whose neutral was subtracted
+    for table in [with(&|ap| ap.min(2.0)), with(&|ap| ap.round() + 0.123_456_7)] {
+        assert!(!said(&table).contains("clipped"), "{table}");
+    }
 }
 
 #[test]
@@ -94,6 +115,10 @@ fn what_programs_and_people_leave_in_cells_is_read_or_named() {
     let trials = |table: &str| sim::laxity::read(table.as_bytes()).unwrap().trials;
     assert_eq!(trials(&good().replacen("ap_mm", "\u{200b}ap_mm", 1)), trials(&good()));
     // a column of whole numbers with gaps, as pandas writes it
+    // empty columns of a spreadsheet
+    assert_eq!(trials(&with_column(",", |_| ",".into())), trials(&good()));
+    let inside: String = good().lines().map(|l| format!("{}\n", l.replacen(',', ",,", 1))).collect();
+    assert_eq!(trials(&inside), trials(&good()));
     let orders = |cell: &dyn Fn(usize) -> String| trials(&with_column("order", cell));
     assert_eq!(orders(&|k| format!("{k}.0")), orders(&|k| k.to_string()));
     for (table, words) in [
@@ -114,7 +139,15 @@ fn names_of_the_other_side_and_of_a_cut_knee_are_told() {
     change(folder.path(), "id = \"S193761-phantom\"", "id = \"K7 right\"");
     let (code, words) = checked(folder.path());
     assert_eq!(code, 0, "{words}");
-    holds(&words, &["LOOK    specimen.id", "the file's name says the other side", "1 trials are of a knee of which"]);
+    holds(
+        &words,
+        &[
+            "LOOK    specimen.id",
+            "the file's name says the other side",
+            "1 trials, the first",
+            "are they of a knee of which",
+        ],
+    );
 }
 
 #[test]

@@ -113,6 +113,11 @@ fn a_row_is_the_plan_of_that_very_choice_and_threads_and_order_change_nothing() 
     let choices = |r: &BTreeMap<String, String>| keys.map(|k| r[k].clone());
     let rows_c = rows(&other.path().join("c"));
     assert_eq!(rows_c.len(), 8);
+    let beside = json(&of.path().join("a/sweep.json"));
+    let without_a_graft = |told: &Value| -> Vec<String> {
+        let all = told["warnings"].as_array().unwrap().iter().filter_map(Value::as_str);
+        all.filter(|w| w.contains(", intact: ") || w.contains(", deficient: ")).map(str::to_owned).collect()
+    };
     let mut chances = std::collections::BTreeSet::new();
     for row in &rows_a {
         let mut same = rows_c.iter().find(|r| choices(r) == choices(row)).unwrap().clone();
@@ -135,7 +140,15 @@ fn a_row_is_the_plan_of_that_very_choice_and_threads_and_order_change_nothing() 
         let flags =
             told["tests"].as_array().unwrap().iter().flat_map(|t| t["flags"]["reconstructed"].as_array().unwrap());
         assert!(flags.clone().all(|f| row["flags"].contains(f.as_str().unwrap())));
-        assert_eq!(row["samples"], "6.0000");
+        assert_eq!(row["samples"], "6");
+        // what is odd before a graft is in is the same of all plans, and said once
+        assert_eq!(without_a_graft(&beside), without_a_graft(&told));
+        // each chance has the samples of which it is
+        for (column, of) in row.iter().filter(|(name, _)| name.starts_with("chance") && name.ends_with("_of")) {
+            let all: usize = of.parse().unwrap();
+            let held = row[column.trim_end_matches("_of")].parse::<f64>().map_or(0.0, |chance| chance * all as f64);
+            assert!(all <= 6 && (held - held.round()).abs() < 1e-3, "{column}: {held} of {all}");
+        }
         chances.insert(row["unloaded_force_n_mean"].clone());
     }
     // the choices do something
@@ -162,6 +175,11 @@ fn the_ranks_go_by_the_chances_and_the_page_and_the_data_begin_with_the_best() {
     assert_eq!((&told["plans"], &told["done"], &told["samples"]), (&6.into(), &6.into(), &6.into()));
     let page = text(&of.path().join("a/sweep.html"));
     let row = format!("<tr><td data-head=\"rank\">1</td><td data-head=\"plan\">{}</td>", best[0]);
+    // the page says what the plan is, and of how many samples a chance is
+    let share = format!(" of {})</td>", all.iter().find(|r| r["rank"] == "1").unwrap()["chance_of"]);
+    for words in ["Cut: ACL", "6 samples of the knee were asked", "What was planned", "134 N", share.as_str()] {
+        assert!(page.contains(words), "{words}");
+    }
     assert!(page.contains(&row) && page.contains("<svg") && !page.contains(" src=\"http"), "{row}");
     // a field a combination in each of the three maps
     let maps = page.split("<h2>Maps</h2>").nth(1).unwrap().split("<h2>").next().unwrap();
@@ -178,6 +196,7 @@ fn a_plan_that_cannot_be_done_says_why_and_the_others_stay() {
     for row in &all {
         let is_lost = row["stiffness_n_per_mm"] == "0.1";
         assert_eq!(row["fault"].contains("out of reach"), is_lost, "{row:?}");
+        assert_eq!(row["fault"].starts_with("graft "), is_lost, "{row:?}");
         assert_eq!((row["rank"].is_empty(), row["unloaded_force_n"].is_empty()), (is_lost, is_lost), "{row:?}");
         // nobody asked samples
         assert!(row["chance"].is_empty() && row["unloaded_force_n_mean"].is_empty());
@@ -189,6 +208,17 @@ fn a_plan_that_cannot_be_done_says_why_and_the_others_stay() {
     let beside = all.iter().find(|r| r["stiffness_n_per_mm"] == "200" && r["tension_n"] == "80").unwrap();
     assert!(alone.iter().all(|(name, x)| ["plan", "rank"].contains(&name.as_str()) || beside[name] == *x));
     assert!(!text(&one.path().join("b/sweep.html")).contains("<h2>Maps</h2>"));
+}
+
+#[test]
+fn where_no_plan_can_be_done_the_table_says_why_and_the_command_fails() {
+    let (folder, ..) = knee();
+    let of = given(&few(), "stiffness_n_per_mm = [0.1]\ntension_n = [500, 80]\n");
+    let told = asked(folder.path(), &of, "a", &["--samples", "0"]).code(1);
+    told.stderr(contains("none of the 2 plans could be done; the first: graft")).stderr(contains("graft.toml"));
+    let all = rows(&of.path().join("a"));
+    assert!(all.len() == 2 && all.iter().all(|r| r["fault"].contains("out of reach")));
+    assert!(!text(&of.path().join("a/sweep.html")).contains("The best"));
 }
 
 #[test]

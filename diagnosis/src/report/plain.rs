@@ -3,7 +3,7 @@
 use crate::effect::catalogue::Catalogue;
 use crate::fit::next_test::NextTest;
 use crate::fit::share_at_whole;
-use crate::report::not_excluded::in_words;
+use crate::report::not_excluded::{fits_best, in_words};
 use crate::report::plain_unnamed::{closing, closing_most, contradictions, leaves_most, meaning, noise};
 use crate::report::words::{figures, from_before, listed, next_tells, place_of, with_unit};
 use crate::report::{Answer, Carried, Diagnosis, LeftOut, MayBeTorn, Named, Verdict};
@@ -45,8 +45,7 @@ fn not_excluded(d: &Diagnosis) -> String {
     if d.not_excluded.iter().all(|n| n.torn.is_none()) {
         return String::new();
     }
-    let told = in_words(&d.not_excluded);
-    let list = listed(&told.iter().map(String::as_str).collect::<Vec<_>>(), "or");
+    let list = in_words(&d.not_excluded);
     let beside = if d.answers.is_empty() { "" } else { " either" };
     format!("These trials do not exclude{beside}: {list}.")
 }
@@ -87,18 +86,27 @@ fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     out
 }
 
-/// What `none` means: whether all is explained, and which tears such trials would not have named.
+/// What `none` means: whether all is explained, which tears fit better all the same, and which such trials would not have named.
 fn nothing(d: &Diagnosis) -> String {
     let worst = d.map.iter().filter(|c| c.significant).max_by(|a, b| a.z.abs().total_cmp(&b.z.abs()));
-    let mut out = worst.map_or("Nothing is missing from the model that these trials show.".to_owned(), |c| {
-        format!(
-            "The model misses these trials in places by more than noise, most in {}. No effect of the catalogue explains that.",
-            place_of(c)
-        )
-    });
+    let missed =
+        worst.map(|c| format!("The model misses these trials in places by more than noise, most in {}.", place_of(c)));
+    let better = fits_best(&d.not_excluded, d.best_log_bayes_factor);
+    let is_better = !better.is_empty();
+    let mut out = match missed {
+        Some(missed) if is_better => format!("{missed} {better}"),
+        Some(missed) => format!("{missed} No effect of the catalogue explains that."),
+        None if is_better => better,
+        None => "Nothing is missing from the model that these trials show.".to_owned(),
+    };
     let (slack, open): (Vec<&MayBeTorn>, Vec<&MayBeTorn>) = d.may_be_torn.iter().partition(|t| t.is_slackened());
     for (k, t) in slack.iter().enumerate() {
-        let _ = write!(out, " {} it fits only with {}", if k == 0 { "But" } else { "And" }, slackened(t));
+        let lead = match (k, is_better) {
+            (0, true) => "The model fits",
+            (0, false) => "But it fits",
+            _ => "And it fits",
+        };
+        let _ = write!(out, " {lead} only with {}", slackened(t));
     }
     let open: Vec<&str> = open.iter().map(|t| t.structure.as_str()).collect();
     if !open.is_empty() {
@@ -363,10 +371,44 @@ mod tests {
             ..none(vec![])
         };
         let told = head(&open);
-        let line = "These trials do not exclude: nothing missing, a torn sMCL or a torn POL.";
+        let line = "These trials do not exclude: that nothing is missing; nor, less likely, a torn sMCL or a torn POL.";
         assert!(told.lines().any(|l| l == line), "{told}");
+        // a tear that fits better than nothing: the head never says that nothing is missing, and has the tear first
+        let better = Diagnosis { not_excluded: vec![state(Some("PCL"), 4.3), state(None, 0.0)], ..open };
+        let told = head(&better);
+        assert!(
+            told.starts_with("No effect is proven by these trials. What fits best is a torn PCL (74 to 1"),
+            "{told}"
+        );
+        assert!(!told.contains("othing is missing") && told.contains("not exclude: a torn PCL, or nothing."), "{told}");
+        let slack = MayBeTorn { now_n: 40.0, against_given: 14.0, ..torn("PCL") };
+        let told = head(&Diagnosis { may_be_torn: vec![slack], ..better });
+        assert!(told.contains(". The model fits only with a slacker PCL") && !told.contains("But it"), "{told}");
         let whole = Diagnosis { not_excluded: vec![state(None, 0.0)], ..none(vec![]) };
         assert!(!head(&whole).contains("not exclude"));
+    }
+
+    #[test]
+    fn the_limit_of_the_list_follows_what_the_state_leaves_that_its_odds_are_against() {
+        use crate::criteria::{TEMPER, told_apart};
+        use crate::report::not_excluded::least_log_odds;
+        let of = |verdict, earned| {
+            least_log_odds(&Diagnosis {
+                verdict,
+                misfit: [3.0, 2.0],
+                best_log_bayes_factor: Some(earned),
+                ..none(vec![])
+            })
+        };
+        let as_loud = |misfit: f64| -told_apart() * TEMPER * misfit;
+        for (verdict, earned, misfit) in
+            [(Verdict::None, 3.0, 3.0), (Verdict::Unnamed, 3.0, 2.0), (Verdict::Unnamed, -1.0, 3.0)]
+        {
+            assert!((of(verdict, earned) - as_loud(misfit)).abs() < 1e-12, "{verdict:?} {earned}");
+        }
+        // data that leave less than noise speak no louder
+        let quiet = Diagnosis { misfit: [0.5, 0.5], ..none(vec![]) };
+        assert!((least_log_odds(&quiet) - as_loud(1.0)).abs() < 1e-12);
     }
 
     #[test]

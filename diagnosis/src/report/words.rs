@@ -88,6 +88,12 @@ fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
     let sources = problem.asked().len();
     let earned =
         |f: &crate::fit::Fit| crate::search::weighed(f, sources) - crate::search::weighed(&search.base, sources);
+    // a tear that no effect is ahead of
+    let tear = d.not_excluded.iter().filter(|n| n.log_odds > 0.0).find_map(|n| Some((n.torn.as_deref()?, n.log_odds)));
+    let nearest = tear.filter(|(_, log_odds)| d.best_log_bayes_factor.is_none_or(|earned| earned <= *log_odds));
+    if let Some((structure, log_odds)) = nearest {
+        return torn_nearest(structure, log_odds);
+    }
     match (search.rivals.first(), search.screened.first()) {
         (Some(best), _) if !d.best.is_empty() => {
             let names: Vec<String> = d.best.iter().map(|e| named(&problem.catalogue, d, e)).collect();
@@ -96,6 +102,13 @@ fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
         (_, Some((c, gain))) => short_of_a_name(&c.effect.title, *gain, d.threshold),
         _ => String::new(),
     }
+}
+
+/// That a tear comes nearest: its log odds stand before any prior of one, so those of a name are no bar to hold them against.
+fn torn_nearest(structure: &str, log_odds: f64) -> String {
+    format!(
+        " What comes nearest is a torn {structure}. The data are likelier with it, but not by enough by the bar (log odds {log_odds:.1}, before any prior of a tear)."
+    )
 }
 
 /// That an effect comes nearest and is not enough for a name: first what that means, then its log odds and those that a name takes.
@@ -399,6 +412,14 @@ mod tests {
         assert!(for_it.contains("likelier with it, but not by enough") && against.contains("no likelier with it"));
         let at = |text: &str, words: &str| text.find(words).unwrap();
         assert!([for_it, against].iter().all(|text| at(text, "likelier") < at(text, "log odds")));
+    }
+
+    #[test]
+    fn a_tear_that_comes_nearest_has_its_name_before_its_log_odds() {
+        let told = torn_nearest("PCL", 4.315);
+        assert!(
+            told.contains("nearest is a torn PCL. The data are likelier with it") && told.contains("(log odds 4.3,")
+        );
     }
 
     #[test]

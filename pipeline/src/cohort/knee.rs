@@ -9,6 +9,7 @@ use crate::report::{REPORT, STOPPED};
 use crate::stage::list::folder_name;
 use crate::store;
 use serde_json::Value;
+use sim::spec::SharedPriorSpec;
 use std::path::{Path, PathBuf};
 
 /// Whether a model was made.
@@ -73,7 +74,14 @@ pub(super) struct Knee {
     pub(super) parameters: Vec<Rows>,
     pub(super) forces: Vec<Rows>,
     pub(super) laxity: Vec<Rows>,
+    /// Surfaces and pictures that it was built from: name and digest.
+    pub(super) surfaces: Vec<(String, String)>,
+    /// What other knees gave as the prior of its calibration; `None` where they gave no number.
+    pub(super) shared_prior: Option<SharedPriorSpec>,
 }
+
+/// Ends of the names of surfaces and pictures, which no two knees have in common.
+const SURFACES: [&str; 10] = ["stl", "ply", "obj", "vtk", "vtp", "nii", "gz", "nrrd", "mha", "dcm"];
 
 /// Figures of a stage that knees are compared by, of the whole knee.
 const WHOLE: [(&str, &[&str]); 2] = [
@@ -110,6 +118,8 @@ impl Knee {
             parameters: Vec::new(),
             forces: Vec::new(),
             laxity: Vec::new(),
+            surfaces: Vec::new(),
+            shared_prior: None,
         };
         let is_build = |d: &Path| ["log.jsonl", "failure.json", "run.toml"].iter().any(|f| store::exists(&d.join(f)));
         let Some(folder) = [place.join("build"), place.to_path_buf()].into_iter().find(|d| is_build(d)) else {
@@ -133,6 +143,12 @@ impl Knee {
         };
         self.specimen = text("specimen", "id").unwrap_or_default();
         self.program = text("program", "version").unwrap_or_default();
+        let inputs = run.as_ref().and_then(|run| run.get("inputs")?.as_table());
+        let is_surface = |name: &str| {
+            Path::new(name).extension().is_some_and(|end| SURFACES.iter().any(|s| end.eq_ignore_ascii_case(s)))
+        };
+        let known = inputs.into_iter().flatten().filter(|(name, _)| is_surface(name));
+        self.surfaces = known.filter_map(|(name, digest)| Some((name.clone(), digest.as_str()?.to_owned()))).collect();
         let identity = read_json(&folder.join(folder_name("ingest")).join("identity.json"));
         self.side = identity["side"].as_str().unwrap_or_default().to_owned();
     }
@@ -186,6 +202,10 @@ impl Knee {
         for source in store::list(&calibrate) {
             self.parameters.extend(read_rows(&calibrate.join(&source).join("parameters.csv"), &source, "parameters"));
             self.forces.extend(read_rows(&calibrate.join(&source).join("forces.csv"), &source, "forces"));
+            let model = read_json(&calibrate.join(&source).join("model.json"));
+            let prior: Option<SharedPriorSpec> =
+                serde_json::from_value(model["calibrated"]["shared_prior"].clone()).ok();
+            self.shared_prior = self.shared_prior.take().or(prior.filter(|prior| prior.numbers > 0));
         }
         let validate = folder.join(folder_name("validate"));
         for source in store::list(&validate) {

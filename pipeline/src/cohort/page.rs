@@ -36,14 +36,19 @@ struct Dot {
     outlier: bool,
 }
 
-/// The page for the folder `out`, absolute.
-pub(super) fn page(knees: &[Knee], outliers: &[Outlier], tables: &[Table], out: &Path) -> String {
+/// The page for the folder `out`, absolute. `dependent`: why knees are not independent, a sentence each.
+pub(super) fn page(
+    knees: &[Knee],
+    (outliers, dependent): (&[Outlier], &[String]),
+    tables: &[Table],
+    out: &Path,
+) -> String {
     let failed = knees.iter().filter(|k| k.failed()).count();
     let odd: BTreeSet<&str> = outliers.iter().map(|o| o.knee.as_str()).collect();
     let mut html = head(&format!("{} knees", knees.len()));
     let class = if failed > 0 {
         "failed"
-    } else if odd.is_empty() {
+    } else if odd.is_empty() && dependent.is_empty() {
         "good"
     } else {
         "look"
@@ -58,6 +63,7 @@ pub(super) fn page(knees: &[Knee], outliers: &[Outlier], tables: &[Table], out: 
         odd.len()
     );
     html += &failures(knees, out);
+    html += &not_independent(dependent);
     html += &to_look_at(knees, outliers, out);
     let strips = strips(knees, outliers);
     html += &charts(&strips, knees.len());
@@ -102,6 +108,15 @@ fn failures(knees: &[Knee], out: &Path) -> String {
         html += "<p>None.</p>";
     }
     html + "</section>"
+}
+
+/// Why knees are not independent of each other; nothing where they are.
+fn not_independent(dependent: &[String]) -> String {
+    if dependent.is_empty() {
+        return String::new();
+    }
+    let rows: String = dependent.iter().map(|words| format!("<li>{}</li>", escaped(words))).collect();
+    format!("<section id=\"dependent\"><h2>Not independent</h2><ul>{rows}</ul></section>")
 }
 
 fn to_look_at(knees: &[Knee], outliers: &[Outlier], out: &Path) -> String {

@@ -75,6 +75,19 @@ pub(crate) fn sentence(prior: &SharedPriorSpec) -> Option<String> {
     })
 }
 
+/// What stands behind the parameters that a knee's data do not settle, in words: the literature, and other knees where these gave the prior.
+pub(crate) fn the_rest(prior: Option<&SharedPriorSpec>) -> &'static str {
+    match prior.filter(|prior| prior.numbers > 0) {
+        None => "the rest lean on the literature",
+        Some(_) => "the rest lean on the literature and on what other knees say",
+    }
+}
+
+/// What a table of knees calls a shared prior: its file, or that its text was given.
+pub(crate) fn name(prior: &SharedPriorSpec) -> &str {
+    prior.file.as_deref().unwrap_or(IN_PLACE)
+}
+
 /// The option is at fault, with this value.
 fn wrong(value: &str, told: String) -> BuildError {
     BuildError::Setting { key: KEY.to_owned(), value: value.to_owned(), on_line: false, told }
@@ -147,7 +160,12 @@ mod tests {
             words,
             "The prior of 14 numbers is what 30 other knees say, so the result is not independent of those knees."
         );
-        assert_eq!(sentence(&SharedPriorSpec { numbers: 0, ..told }), None);
+        assert_eq!((name(&told), name(&SharedPriorSpec { file: None, ..told.clone() })), ("a.json", IN_PLACE));
+        // what tells of no number gave nothing
+        let nothing = SharedPriorSpec { numbers: 0, ..told.clone() };
+        assert_eq!(sentence(&nothing), None);
+        assert_eq!(the_rest(Some(&nothing)), the_rest(None));
+        assert_ne!(the_rest(Some(&told)), the_rest(None));
     }
 
     #[test]

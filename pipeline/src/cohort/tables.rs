@@ -2,6 +2,7 @@
 
 use super::knee::{Knee, Rows, Status};
 use super::outliers::Outlier;
+use super::shared;
 use super::table::{Column, Table};
 
 /// The unit at the end of a quantity's name.
@@ -61,6 +62,7 @@ fn of_knees(knees: &[Knee], outliers: &[Outlier]) -> Table {
             ("peak_memory_mib", number(knees, Knee::memory_mib)),
             ("size_bytes", number(knees, |k| k.bytes as f64)),
             ("program", text(knees, |k| &k.program)),
+            ("shared_prior", text(knees, |k| k.shared_prior.as_ref().map_or("", shared::name))),
             ("build", Column::Text(knees.iter().map(place).collect())),
         ],
     }

@@ -9,8 +9,10 @@ use super::of_program::of_program;
 use super::questions::QUESTIONS;
 use super::read::{Build, largest, numbers, share, smallest};
 use super::row::Row;
+use crate::cohort::shared::the_rest;
 use crate::stage::{MOST_NOISE, PARTLY_NOISE};
 use crate::which_model::JOINT;
+use sim::spec::SharedPriorSpec;
 use std::collections::BTreeMap;
 
 /// All numbers of a build. Limits that are not of a source are ours.
@@ -175,11 +177,12 @@ static ROWS: [Row; 35] = [
         },
     },
     Row {
-        id: "parameters-determined",
+        id: DETERMINED,
         factor: Factor::ModelInputs,
         what: "ligament parameters of which the data removed more than half of the variance",
         unit: "-",
         limits: [0.5, 0.2],
+        // all() says it of the knee at hand: other knees may have given its prior
         why: "the rest lean on the literature; ours",
         take: |b, _| {
             table(b, "calibrate", "MODEL/parameters.csv", |rows| {
@@ -405,10 +408,16 @@ const LAXITY_WHY: &str =
 const BONES: [&str; 2] = ["femur", "tibfib"];
 const PARTS: [&str; 3] = ["femur", "tibia_medial", "tibia_lateral"];
 
-/// All evidence of a build, and of the program that built it.
-pub(super) fn all(build: &Build, context: &Context) -> Vec<Evidence> {
+/// The number whose reason depends on what gave the prior.
+const DETERMINED: &str = "parameters-determined";
+
+/// All evidence of a build, and of the program that built it. `prior`: what other knees gave the calibration, where they did.
+pub(super) fn all(build: &Build, context: &Context, prior: Option<&SharedPriorSpec>) -> Vec<Evidence> {
     let mut out = of_program();
     out.extend(every().map(|row| row.evidence(build, context)));
+    for evidence in out.iter_mut().filter(|e| e.id == DETERMINED) {
+        evidence.why = format!("{}; ours", the_rest(prior));
+    }
     out
 }
 

@@ -15,6 +15,9 @@ pub struct ChanceTold {
     pub of: String,
     /// Share of the samples in which it holds, of those whose intact knee stays on the plateau [-]; absent without samples.
     pub chance: Option<f64>,
+    /// In how many samples it holds, and of how many; none without samples.
+    #[serde(skip)]
+    pub counts: Option<[usize; 2]>,
     /// Whether it holds in the most probable knee.
     pub most_probable: bool,
     /// Where it fails most often; none where it fails nowhere.
@@ -73,7 +76,8 @@ impl Wanted<'_> {
         let most_probable = best.iter().all(|x| *x <= 1.0);
         let Some(sampled) = &self.numbers.sampled else {
             let furthest = self.tests.iter().zip(&best).filter(|(_, x)| **x > 1.0).max_by(|a, b| a.1.total_cmp(b.1));
-            return ChanceTold { of, chance: None, most_probable, fails: furthest.map(|(t, _)| fail(*t, None)) };
+            let fails = furthest.map(|(t, _)| fail(*t, None));
+            return ChanceTold { of, chance: None, counts: None, most_probable, fails };
         };
         let all: Vec<usize> = (0..sampled.len()).collect();
         let by_test: Vec<Vec<Option<bool>>> =
@@ -85,13 +89,15 @@ impl Wanted<'_> {
             each.map(|holds| holds.into_iter().all(|h| h))
         };
         let sums: Vec<Option<bool>> = all.iter().map(sum).collect();
-        let n = count(&sums, true) + count(&sums, false);
+        let holding = count(&sums, true);
+        let n = holding + count(&sums, false);
         let failing = self.tests.iter().zip(&by_test).map(|(t, row)| (*t, count(row, false), count(row, true)));
         // the first of those in which as many fail
         let worst = failing.filter(|f| f.1 > 0).max_by_key(|f| (f.1, std::cmp::Reverse(f.0)));
         ChanceTold {
             of,
-            chance: (n > 0).then(|| count(&sums, true) as f64 / n as f64),
+            chance: (n > 0).then(|| holding as f64 / n as f64),
+            counts: Some([holding, n]),
             most_probable,
             fails: worst.map(|(t, fails, holds)| fail(t, Some([fails, fails + holds]))),
         }
@@ -99,10 +105,10 @@ impl Wanted<'_> {
 }
 
 /// The chance that a knee is like the intact one in a single test, by all limits; none without samples.
-pub(super) fn chance_of(file: &PlanFile, asked: &[Asked], test: usize, numbers: &Numbers) -> Option<f64> {
+pub(super) fn chance_of(file: &PlanFile, asked: &[Asked], test: usize, numbers: &Numbers) -> Option<ChanceTold> {
     let wanted = Wanted { numbers, tests: vec![test], limits: limits(file).to_vec() };
     numbers.sampled.as_ref()?;
-    wanted.told(String::new(), asked).chance
+    Some(wanted.told(String::new(), asked))
 }
 
 /// How far off a knee may be that is like the intact one.
@@ -150,6 +156,7 @@ mod tests {
         };
         let by_samples = told(Some(of), 0.0);
         assert!(by_samples.most_probable && (by_samples.chance.unwrap() - 6.0 / 9.0).abs() < 1e-12, "{by_samples:?}");
+        assert_eq!(by_samples.counts, Some([6, 9]));
         let fails = by_samples.fails.unwrap();
         assert_eq!((fails.test.as_str(), fails.flexion_deg, fails.samples), ("anterior drawer", 0.0, Some([3, 9])));
         // without samples it is the most probable knee that fails, or nothing does

@@ -77,7 +77,11 @@ impl<'a> Ground<'a> {
     /// # Errors
     /// A site that is none, a tension that is out of reach, a knee without equilibrium: a sentence.
     pub(super) fn operated(&self, file: &PlanFile) -> Result<Knee, String> {
-        let told = |e: SimError| e.to_string();
+        // what is at fault names its graft
+        let told = |e: SimError| match e {
+            SimError::Input(told) => told,
+            other => other.to_string(),
+        };
         let placed = self.placed(file)?;
         let one = |(g, p)| for_solver(g, p, file.tests.compression_n);
         let grafts: Vec<Graft> = file.graft.iter().zip(&placed).map(one).collect();

@@ -72,11 +72,17 @@ pub(super) fn columns(file: &PlanFile) -> Vec<[String; 2]> {
     same.chain(grafts.map(|(k, g)| [format!("graft_{}_n", g.name), force_column(&bundle_name(k))])).collect()
 }
 
-/// The tests of a plan.
-pub(super) fn tests(t: &TestsFile) -> Vec<Asked> {
+/// Flexions of the unloaded tests, ascending [deg]: those of the file, and those of the loaded tests, which count from rest.
+pub(super) fn unloaded_deg(t: &TestsFile) -> Vec<f64> {
     let mut flexions: Vec<f64> = t.flexions_deg.iter().chain(&t.passive_deg).copied().chain([t.pivot[0]]).collect();
     flexions.sort_by(f64::total_cmp);
     flexions.dedup();
+    flexions
+}
+
+/// The tests of a plan.
+pub(super) fn tests(t: &TestsFile) -> Vec<Asked> {
+    let flexions = unloaded_deg(t);
     let asked = |kind: &'static str, test: Test, fe: f64, [vv, ie, ap]: [f64; 3], rest: Option<usize>| {
         let load = Load::new(vv, ie, 0.0, ap, t.compression_n);
         Asked { trial: LaxityTrial::asked(format!("{kind}, {fe} deg"), test, fe, load), kind, rest }

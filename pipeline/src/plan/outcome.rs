@@ -1,12 +1,13 @@
 //! What comes of a plan: every state in every test, with mean and interval by samples, and the chance that the knee is like the intact one.
 
+use super::astray::{Percents, laid_on_the_wall, moved_away};
 use super::chances::{ChanceTold, chance_of, chances};
-use super::file::{GraftFile, PERCENTS, PlanFile};
+use super::file::{GraftFile, PlanFile};
 use super::ground::{Before, Ground, Knee};
-use super::knee::{Asked, Found, Placed, STATES, Surfaces, columns, is_acl, main_coordinate};
+use super::knee::{Asked, Found, Placed, STATES, Surfaces, columns, main_coordinate};
 use super::numbers::{Numbers, Value};
 use super::sampled::{At, Sampled};
-use super::sites::{ACL_PERCENT, Bone};
+use super::sites::Bone;
 use crate::bands::is_pose_or_force;
 use crate::told::ModelTold;
 use calibration::samples::Samples;
@@ -74,6 +75,13 @@ pub struct GraftTold {
     pub like: Option<String>,
 }
 
+impl GraftTold {
+    /// Where its ends lie by the quadrant method and of the plateau.
+    pub(super) fn percents(&self) -> Percents {
+        [self.quadrant_percent, self.plateau_percent]
+    }
+}
+
 /// A test.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct TestTold {
@@ -92,6 +100,12 @@ pub struct TestTold {
     /// Share of the samples in which the reconstructed knee lies within the limits of AP, IE and VV of the intact one in this test, of those whose
     /// intact knee stays on the plateau [-]; absent without samples.
     pub chance: Option<f64>,
+    /// In how many samples it does so, and of how many; none without samples.
+    #[serde(skip)]
+    pub counts: Option<[usize; 2]>,
+    /// The flags of the reconstructed knee as values.
+    #[serde(skip)]
+    pub odd: Vec<Flag>,
 }
 
 /// What comes of a plan for a knee that is known without scatter.
@@ -125,12 +139,12 @@ pub(super) fn outcome_on(ground: &Ground, before: &Before, (file, knee): (&PlanF
     let grafts: Vec<GraftTold> = grafts.map(|((g, p), slack)| graft(g, p, *slack, &ground.bones)).collect();
     notices.extend(file.graft.iter().zip(placed).filter_map(|(g, p)| laid_on_the_wall(g, p)));
     let moved = file.graft.iter().zip(placed).zip(&grafts);
-    notices.extend(moved.flat_map(|((g, p), told)| moved_away(g, p, told)));
+    notices.extend(moved.flat_map(|((g, p), told)| moved_away(g, p, told.percents())));
     let (numbers, fault) = ground.numbers(before, knee);
     notices.extend(fault.map(|e| Kind::NoIntervals.notice(format!("no intervals: {e}"))));
     notices.extend(not_operated(&numbers));
     let told: Vec<TestTold> = (0..asked.len()).map(|t| test(file, asked, t, &numbers)).collect();
-    notices.extend(told.iter().flat_map(flagged));
+    notices.extend(told.iter().flat_map(|t| flagged(t, &STATES)));
     let out = Outcome {
         schema: SCHEMA,
         plan: file.name.clone(),
@@ -171,9 +185,9 @@ impl Left {
     }
 }
 
-/// What is odd in the rows of a test.
-fn flagged(t: &TestTold) -> Vec<Notice> {
-    let odd = t.flags.iter().filter(|(_, f)| !f.is_empty());
+/// What is odd in the rows of a test, of these states.
+pub(super) fn flagged(t: &TestTold, states: &[&str]) -> Vec<Notice> {
+    let odd = t.flags.iter().filter(|(state, f)| states.contains(&state.as_str()) && !f.is_empty());
     let notice = |(state, f): (&String, &Vec<String>)| {
         let row = format!("{}, {} deg, {state}", t.test, t.flexion_deg);
         Kind::RowFlagged.notice(f.join("; ")).whose(&row)
@@ -187,54 +201,6 @@ fn not_operated(numbers: &Numbers) -> Option<Notice> {
     let (lost, all) = (sampled.not_operated(), sampled.len());
     let text = format!("{lost} of {all} samples could not be operated on: no equilibrium when the graft is fixed");
     (lost > 0).then(|| Kind::SamplesLost.notice(text).count(lost))
-}
-
-/// A native site of an ACL that the quadrant method does not know: it is not on the inner wall of the lateral condyle, below the roof of the notch.
-fn laid_on_the_wall(graft: &GraftFile, placed: &Placed) -> Option<Notice> {
-    let [depth, height] = placed.off_the_wall?;
-    let place = if height < 0.0 { "above the roof of the notch" } else { "beyond the lateral condyle" };
-    let [by_depth, by_height] = ACL_PERCENT;
-    let text = format!(
-        "graft {:?}: on the femur the model's own ACL has depth {depth:.0} % and height {height:.0} % by the quadrant method: {place}; expected 0 to \
-         100. So the graft begins at {by_depth} and {by_height} %, where dissected ones do. Look at the marks of the femur, or give quadrant_percent",
-        graft.name
-    );
-    Some(Kind::GivenFar.notice(text))
-}
-
-/// A moved site is told of where it went this much less far than it was asked to [mm]; ours: what a drill can be aimed by.
-const SHORT_MM: f64 = 1.0;
-
-/// Sites that ended before they were moved as far as was asked, and moved sites of an ACL that no file could ask for by their percentages.
-fn moved_away(graft: &GraftFile, placed: &Placed, told: &GraftTold) -> Vec<Notice> {
-    let ends = [
-        ("femur", &graft.femur, told.quadrant_percent, "by the quadrant method"),
-        ("tibia", &graft.tibia, told.plateau_percent, "of the plateau"),
-    ];
-    let mut out = Vec::new();
-    for ((bone, site, percent, by), went) in ends.into_iter().zip(placed.went_mm) {
-        let asked = site.move_mm.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if asked == 0.0 {
-            continue;
-        }
-        let name = &graft.name;
-        if asked - went > SHORT_MM {
-            out.push(Kind::GivenFar.notice(format!(
-                "graft {name:?}: {bone}.move_mm asks for {asked:.1} mm along the bone, and the site went {went:.1} mm: there the bone turns away. \
-                 Look at where it lies"
-            )));
-        }
-        let is_of_acl =
-            site.native.as_deref().is_some_and(is_acl) || site.quadrant_percent.or(site.plateau_percent).is_some();
-        let is_off = |both: &[f64; 2]| both.iter().any(|p| !(PERCENTS[0]..=PERCENTS[1]).contains(p));
-        if let Some([first, second]) = percent.filter(|both| is_of_acl && is_off(both)) {
-            let [least, most] = PERCENTS;
-            out.push(Kind::GivenFar.notice(format!(
-                "graft {name:?}: {bone}.move_mm took its site to {first:.0} and {second:.0} % {by}; expected {least} to {most}, as for a typed site"
-            )));
-        }
-    }
-    out
 }
 
 /// Percentages to a millionth: the rest is of the arithmetic.
@@ -264,6 +230,7 @@ fn graft(file: &GraftFile, placed: &Placed, slack: f64, bones: &[Bone; 2]) -> Gr
 fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTold {
     let one = &asked[t];
     let main = main_coordinate(one.kind);
+    let likely = chance_of(file, asked, t, numbers);
     let mut told = TestTold {
         test: one.kind.to_owned(),
         flexion_deg: one.trial.fe_deg,
@@ -271,7 +238,9 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
         states: BTreeMap::new(),
         flags: BTreeMap::new(),
         off: BTreeMap::new(),
-        chance: chance_of(file, asked, t, numbers),
+        chance: likely.as_ref().and_then(|c| c.chance),
+        counts: likely.and_then(|c| c.counts),
+        odd: vec![],
     };
     for (state, name) in STATES.into_iter().enumerate() {
         let mut values = BTreeMap::new();
@@ -287,7 +256,11 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
         let outside = values.iter().filter(|(name, v)| is_pose_or_force(name) && v.is_outside());
         let outside = outside.map(|(name, _)| name.clone()).collect();
         told.states.insert(name.to_owned(), values);
-        told.flags.insert(name.to_owned(), odd(numbers, [state, t], outside));
+        let flags = odd(numbers, [state, t], outside);
+        told.flags.insert(name.to_owned(), sentences(&flags));
+        if state == 2 {
+            told.odd = flags;
+        }
     }
     for c in [AP, IE, VV] {
         told.off.extend(numbers.change(c, [0, t], [2, t]).map(|v| (c.column(), v)));
@@ -297,7 +270,7 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
 
 /// What is odd about a state in a test: the most probable knee's flags, how many samples have left the plateau or rest in another way, and what of the
 /// knee lies `outside` of its interval.
-fn odd(numbers: &Numbers, at: At, outside: Vec<String>) -> Vec<String> {
+fn odd(numbers: &Numbers, at: At, outside: Vec<String>) -> Vec<Flag> {
     let none = || vec![Flag::NoEquilibrium];
     let mut flags = numbers.best[at[0]][at[1]].as_ref().map_or_else(none, |f: &Found| f.flags.clone());
     if let Some(sampled) = &numbers.sampled {
@@ -309,7 +282,7 @@ fn odd(numbers: &Numbers, at: At, outside: Vec<String>) -> Vec<String> {
         flags.extend((lost > 0).then_some(Flag::SamplesLost { count: lost, of: all }));
     }
     flags.extend((!outside.is_empty()).then_some(Flag::OutsideInterval(outside)));
-    sentences(&flags)
+    flags
 }
 
 #[cfg(test)]
@@ -334,7 +307,7 @@ mod tests {
         let with = numbers(11, &off);
         let change = with.change(AP, [0, 0], [2, 0]).unwrap();
         assert!([change.value, change.mean.unwrap(), change.lower.unwrap()].iter().all(|x| (x - 0.5).abs() < 1e-12));
-        assert_eq!(odd(&with, [0, 0], vec![]), ["1 of 11 samples leaves the plateau"]);
+        assert_eq!(sentences(&odd(&with, [0, 0], vec![])), ["1 of 11 samples leaves the plateau"]);
         assert!(odd(&with, [1, 0], vec![]).is_empty());
         // of more than half off the plateau there is no interval, and the value stays
         let none = numbers(9, &|state, s| state == 0 && s < 5).change(AP, [0, 0], [2, 0]).unwrap();

@@ -2,18 +2,27 @@
 
 use super::file::{GraftFile, PlanFile, SiteFile, TestsFile};
 use super::html::{table, words};
-use super::outcome::{GraftTold, Outcome};
+use super::knee::unloaded_deg;
+use super::outcome::Outcome;
 
-/// The section.
+/// How a graft answers in this knee: its stiffness [N/mm], and the bundle whose fibres and law it takes over, if one.
+pub(super) type Law<'a> = (f64, Option<&'a str>);
+
+/// The section of a plan's page.
 pub(super) fn planned(out: &Outcome) -> String {
-    let file = &out.planned;
+    let laws: Vec<Law> = out.grafts.iter().map(|g| (g.stiffness_n_per_mm, g.like.as_deref())).collect();
+    section(&out.planned, &laws)
+}
+
+/// The section, of a plan and the laws of its grafts.
+pub(super) fn section(file: &PlanFile, laws: &[Law]) -> String {
     let mut text = String::from("<h2>What was planned</h2>");
     if !file.graft.is_empty() {
         let rows = file
             .graft
             .iter()
-            .zip(&out.grafts)
-            .map(|(g, told)| vec![g.name.clone(), site(&g.femur), site(&g.tibia), law(g, told), fixing(g, file)]);
+            .zip(laws)
+            .map(|(g, own)| vec![g.name.clone(), site(&g.femur), site(&g.tibia), law(g, *own), fixing(g, file)]);
         text += &table(&words(&["graft", "femur", "tibia", "stiffness and law", "fixed"]), rows);
     }
     text + &table(&words(&["test", "load", "flexion, deg"]), loads(&file.tests).into_iter())
@@ -40,16 +49,15 @@ fn site(s: &SiteFile) -> String {
 }
 
 /// How a graft answers to being stretched.
-fn law(g: &GraftFile, told: &GraftTold) -> String {
+fn law(g: &GraftFile, (stiffness, like): Law) -> String {
     let stiffness = match (g.stiffness_n_per_mm, g.cross_section_mm2, g.modulus_mpa) {
         (None, Some(area), Some(modulus)) => {
             let length = g.free_length_mm.map_or("its length between the bones".into(), |l| format!("{l} mm"));
-            let stiffness = told.stiffness_n_per_mm;
             format!("{stiffness:.0} N/mm: {area} mm2 with {modulus} MPa over {length}")
         }
-        _ => format!("{:.0} N/mm", told.stiffness_n_per_mm),
+        _ => format!("{stiffness:.0} N/mm"),
     };
-    match &told.like {
+    match like {
         Some(bundle) => format!("{stiffness}; fibres and law of {bundle}, toe strain {}", g.toe_strain),
         None => format!("{stiffness}; toe up to a strain of {}, then straight", 2.0 * g.toe_strain),
     }
@@ -78,7 +86,7 @@ pub(super) fn loads(t: &TestsFile) -> Vec<Vec<String>> {
         row("internal and external rotation", format!("{} N m", t.rotation_nm), &flexions),
         row("varus and valgus", format!("{} N m", t.varus_valgus_nm), &flexions),
         row("pivot shift", format!("{valgus} N m valgus with {internal} N m internal"), &fe.to_string()),
-        row("unloaded", "none".into(), &list(&t.passive_deg)),
+        row("unloaded", "none".into(), &list(&unloaded_deg(t))),
         row(
             "like the intact knee",
             format!("within {} mm of AP, {} deg of IE and VV", t.restored_mm, t.restored_deg),
@@ -96,18 +104,8 @@ mod tests {
     fn every_number_of_a_plan_stands_on_its_page() {
         let file = parsed(EXAMPLE).unwrap();
         let g = &file.graft[0];
-        let told = GraftTold {
-            name: g.name.clone(),
-            femur_mm: [0.0; 3],
-            tibia_mm: [0.0; 3],
-            quadrant_percent: None,
-            plateau_percent: None,
-            length_mm: 30.0,
-            slack_length_mm: 29.0,
-            stiffness_n_per_mm: 200.0,
-            like: None,
-        };
-        let words = [site(&g.femur), site(&g.tibia), law(g, &told), fixing(g, &file)].join("; ");
+        let own: Law = (200.0, None);
+        let words = [site(&g.femur), site(&g.tibia), law(g, own), fixing(g, &file)].join("; ");
         let tests = loads(&file.tests).concat().join("; ");
         for number in
             ["24.8, 28.5 %", "41, 48 %", "200 N/mm", "strain of 0.06", "80 N at 20 deg", "20 N of compression"]
@@ -118,6 +116,9 @@ mod tests {
         {
             assert!(tests.contains(number), "{number}: {tests}");
         }
+        // unloaded it is asked at the flexions of the other tests, too: from there these count
+        let few = TestsFile { passive_deg: vec![45.0], ..file.tests.clone() };
+        assert_eq!(loads(&few)[5], ["unloaded", "none", "0, 30, 45, 60, 90"]);
         let thick = GraftFile {
             stiffness_n_per_mm: None,
             cross_section_mm2: Some(50.0),
@@ -127,7 +128,7 @@ mod tests {
             femur: SiteFile { native: Some("ACL".into()), move_mm: [2.0, 0.0, 0.0], ..SiteFile::default() },
             ..g.clone()
         };
-        assert!(law(&thick, &told).contains("50 mm2 with 120 MPa over its length"));
+        assert!(law(&thick, own).contains("50 mm2 with 120 MPa over its length"));
         assert_eq!(fixing(&thick, &file), "slack length 31 mm");
         assert!(site(&thick.femur).starts_with("native ACL, moved 2, 0, 0 mm"));
     }

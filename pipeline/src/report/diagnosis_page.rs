@@ -6,8 +6,9 @@ use super::html::{LivePart, escaped, head};
 use diagnosis::diagnosis::atlas::{Atlas, table};
 use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::report::carried::LEAST_N;
+use diagnosis::report::not_excluded::{least_log_odds, to_one};
 use diagnosis::report::words::{listed, next_tells, parameter, parameter_of_effect, sizes, with_unit};
-use diagnosis::report::{Carried, Diagnosis, Missable, Named, Verdict};
+use diagnosis::report::{Carried, Diagnosis, Missable, Named, NotExcluded, Verdict};
 use diagnosis::search::map::Cell;
 use sim::coordinate::FREE;
 use sim::protocols::ProtocolOptions;
@@ -142,31 +143,61 @@ fn not_excluded(out: &mut String, d: &Diagnosis) {
     if d.not_excluded.len() < 2 {
         return;
     }
-    let (catalogue, nothing_is_named) = (Catalogue::shipped(), d.verdict == Verdict::None);
-    let against = if nothing_is_named { "nothing missing" } else { "the best that was found" };
+    let against = if d.verdict == Verdict::None { "a knee that lacks nothing" } else { "the best that was found" };
+    let least = least_log_odds(d);
     let _ = write!(
         out,
-        "<h2>What these data do not exclude</h2><p class=\"note\">Each state was fitted by itself, the ligaments recalibrated beside it. Log odds [nats] against {against}, of a tear before any prior of one: 0 is as likely, 1 nearly three times as likely. A state stands here unless the data speak against it by the odds that tell answers apart (twenty to one, as loud as the data may speak). That a tear stands here is no finding: these trials do not feel it enough to tell.</p><table class=\"words\"><tr><th>state</th><th>where</th><th>size (90 % interval)</th><th>log odds</th></tr>"
+        "<h2>What these data do not exclude</h2><p class=\"note\">Each state was fitted by itself, the ligaments recalibrated beside it. Log odds [nats] against {against}, of a tear before any prior of one: 0 is as likely, 1 nearly three times as likely. A state stands here where its log odds are above {least:.1}: the data do not speak against it by {} or more.{}</p>{}",
+        to_one(-least),
+        finding(&d.not_excluded, against),
+        states(&d.not_excluded)
     );
-    for n in &d.not_excluded {
-        let (place, size, name) = match &n.torn {
-            Some(structure) => (String::new(), String::new(), format!("{structure} torn")),
-            None if n.effects.is_empty() => (String::new(), String::new(), "nothing missing".to_owned()),
-            None => {
-                let places: Vec<&str> = n.effects.iter().map(|e| e.scope.as_str()).collect();
-                let sizes: Vec<String> =
-                    n.effects.iter().flat_map(|e| sizes(&catalogue, e, "")).map(|t| escaped(&t)).collect();
-                (escaped(&places.join(" + ")), sizes.join("<br>"), names_of(&n.effects))
-            }
-        };
-        let _ = write!(
-            out,
-            "<tr><td>{}</td><td>{place}</td><td>{size}</td><td>{:+.1}</td></tr>",
-            escaped(&name),
-            n.log_odds
-        );
+}
+
+/// What it means that a tear is in the list: of those ahead of what the odds are against, and of the others. `against`: that, in words.
+fn finding(of: &[NotExcluded], against: &str) -> String {
+    let tears = || of.iter().filter(|n| n.torn.is_some());
+    let (is_ahead, is_behind) = (tears().any(|n| n.log_odds > 0.0), tears().any(|n| n.log_odds <= 0.0));
+    let mut out = String::new();
+    if is_ahead {
+        let _ = write!(out, " A tear above 0: the data prefer it to {against}, but not beyond the bar.");
     }
-    *out += "</table>";
+    if is_behind {
+        let which = if is_ahead { "a tear of 0 or less" } else { "a tear" };
+        let _ = write!(out, " That {which} stands here is no finding: these trials do not tell it from {against}.");
+    }
+    out
+}
+
+/// The table of states. Where all are whole tears, or nothing, their place and size are alike and left out.
+fn states(of: &[NotExcluded]) -> String {
+    let catalogue = Catalogue::shipped();
+    let are_alike = of.iter().all(|n| n.torn.is_some() || n.is_nothing());
+    let columns = if are_alike { "" } else { "<th>where</th><th>size (90 % interval)</th>" };
+    let mut out = format!("<table class=\"words\"><tr><th>state</th>{columns}<th>log odds</th></tr>");
+    for n in of {
+        let name = match &n.torn {
+            Some(structure) => format!("{structure} torn"),
+            None if n.is_nothing() => "nothing".to_owned(),
+            None => names_of(&n.effects),
+        };
+        let _ = write!(out, "<tr><td>{}</td>", escaped(&name));
+        if !are_alike {
+            let places: Vec<&str> = n.effects.iter().map(|e| e.scope.as_str()).collect();
+            let sizes: Vec<String> = n.effects.iter().flat_map(|e| sizes_of(&catalogue, n, e)).collect();
+            let _ = write!(out, "<td>{}</td><td>{}</td>", escaped(&places.join(" + ")), sizes.join("<br>"));
+        }
+        let _ = write!(out, "<td>{:+.1}</td></tr>", n.log_odds);
+    }
+    out + "</table>"
+}
+
+/// Sizes of an effect of a state. A whole tear is held where it is, so that its size has no interval.
+fn sizes_of(catalogue: &Catalogue, state: &NotExcluded, e: &Named) -> Vec<String> {
+    let held =
+        || e.parameters.iter().map(|(k, v)| format!("{} {}", parameter_of_effect(k), with_unit(v.value, &v.unit)));
+    let told: Vec<String> = if state.torn.is_some() { held().collect() } else { sizes(catalogue, e, "") };
+    told.iter().map(|t| escaped(t)).collect()
 }
 
 /// Effects by their names and the structures that they are about.
@@ -424,6 +455,42 @@ pub(crate) fn atlas(model: &str, found: &Atlas) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use diagnosis::report::Value;
+
+    fn lost(structure: &str, sd: f64) -> Named {
+        let parameters = [("loss".to_owned(), Value { value: 1.0, sd, unit: "-".into() })].into();
+        Named { effect: "structure_loss".into(), scope: "both".into(), variant: Some(structure.into()), parameters }
+    }
+
+    fn torn(structure: &str, log_odds: f64) -> NotExcluded {
+        NotExcluded { effects: vec![lost(structure, 0.0)], torn: Some(structure.into()), log_odds }
+    }
+
+    #[test]
+    fn a_tear_that_the_data_prefer_is_never_called_one_that_they_do_not_feel() {
+        let told = |of: &[NotExcluded]| finding(of, "a knee that lacks nothing");
+        let (ahead, behind) = (torn("PCL", 4.3), torn("PFL", -3.4));
+        let above = told(std::slice::from_ref(&ahead));
+        assert!(above.contains("prefer it to a knee that lacks nothing") && !above.contains("no finding"), "{above}");
+        let below = told(std::slice::from_ref(&behind));
+        assert!(below.contains("That a tear stands here is no finding") && !below.contains("prefer"), "{below}");
+        let both = told(&[ahead, behind]);
+        assert!(both.contains("prefer it") && both.contains("That a tear of 0 or less stands here"), "{both}");
+        assert_eq!(told(&[]), "");
+    }
+
+    #[test]
+    fn place_and_size_stand_in_every_row_of_a_state_or_in_none() {
+        let nothing = NotExcluded { effects: vec![], torn: None, log_odds: 0.0 };
+        let tears = states(&[torn("PCL", 4.3), nothing.clone()]);
+        assert!(!tears.contains("<th>where</th>") && tears.contains("<td>PCL torn</td><td>+4.3</td>"), "{tears}");
+        assert!(tears.contains("<td>nothing</td><td>+0.0</td>"), "{tears}");
+        let part = NotExcluded { effects: vec![lost("ACL", 0.2)], torn: None, log_odds: 0.0 };
+        let mixed = states(&[part, torn("PCL", -0.3), nothing]);
+        assert!(mixed.contains("<td>PCL torn</td><td>both</td><td>loss 1.00</td><td>-0.3</td>"), "{mixed}");
+        assert!(mixed.contains("<td>structure_loss (ACL)</td><td>both</td><td>loss 1.00 ("), "{mixed}");
+        assert!(mixed.contains("<td>nothing</td><td></td><td></td>"), "{mixed}");
+    }
 
     #[test]
     fn a_page_of_a_diagnosis_skips_to_the_diagnosis() {

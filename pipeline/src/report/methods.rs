@@ -56,6 +56,7 @@ impl Methods {
     fn words(&self) -> String {
         let options = match self.changed.len() {
             0 => "All options have the values that this version has by default.".to_owned(),
+            1 => "1 option differs from the defaults of this version; the table names it.".to_owned(),
             n => format!("{n} options differ from the defaults of this version; the table names them."),
         };
         let shared = self.shared_prior.as_ref().map_or(String::new(), |words| format!(" {words}"));
@@ -167,6 +168,7 @@ mod tests {
         let run = toml::to_string(&run).unwrap();
         let methods = Methods::read(run.as_bytes(), &[]).unwrap();
         assert_eq!(methods.changed, [["hexmesh.layers".to_owned(), "4".to_owned(), "3".to_owned()]]);
+        assert!(methods.words().contains("1 option differs from"), "{}", methods.words());
         assert!(methods.markdown().contains("| hexmesh.layers | 4 | 3 |") && methods.html().contains("id=\"methods\""));
     }
 

@@ -66,6 +66,14 @@ pub(super) fn is_output(name: &str) -> bool {
         || (["force_", "group_"].iter().any(|k| column.starts_with(k)) && column.ends_with("_n"))
 }
 
+/// Columns of free text.
+const COMMENTS: [&str; 6] = ["comment", "comments", "note", "notes", "remark", "remarks"];
+
+/// Whether a column is free text. Words that exclude its row are looked for in it, as in flags.
+pub(super) fn is_comment(name: &str) -> bool {
+    COMMENTS.iter().any(|comment| name.eq_ignore_ascii_case(comment))
+}
+
 /// Every column that a laxity file may have.
 pub(super) fn known_columns() -> BTreeSet<String> {
     let mut known: BTreeSet<String> = required_columns().into_iter().collect();

@@ -3,7 +3,7 @@
 //!
 //! A file in another shape is turned into the standard one, cell by cell, before it is read.
 
-use super::columns::{LaxityError, is_output, known_columns};
+use super::columns::{LaxityError, is_comment, is_output, known_columns};
 use super::text;
 use super::tracked::{Cells, Tracked, to_coordinates};
 use super::units::{bracketed, standard_unit, unit, units_of};
@@ -248,6 +248,7 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
         Some(c) => return Err(LaxityError::File(format!("decimal = \"{c}\"; expected \".\" or \",\""))),
     };
     let mut raw = Raw { header: header.iter().map(String::from).collect(), units, rows, decimal_comma };
+    drop_empty(&mut raw);
     drop_index(&mut raw, warnings);
     unmeasured(&mut raw, warnings);
     Ok(raw)
@@ -262,6 +263,25 @@ const SECOND_HEADER: &str = "a second header: two tables stand one below the oth
 fn is_header(header: &StringRecord, row: &StringRecord) -> bool {
     let same = |(name, cell): &(&str, &str)| !name.is_empty() && name.eq_ignore_ascii_case(cell);
     header.iter().zip(row.iter()).filter(same).count() >= LEAST_NAMES
+}
+
+/// Leaves out columns without a name and without a cell, as spreadsheets write them.
+fn drop_empty(raw: &mut Raw) {
+    let is_empty = |at: usize| raw.rows.iter().all(|(_, r)| r.get(at).is_none_or(str::is_empty));
+    let has_unit = |at: usize| raw.units.get(at).is_some_and(|u| !u.is_empty());
+    let keeps = |(at, name): (usize, &String)| !name.is_empty() || has_unit(at) || !is_empty(at);
+    let kept: Vec<bool> = raw.header.iter().enumerate().map(keeps).collect();
+    if raw.rows.is_empty() || kept.iter().all(|k| *k) {
+        return;
+    }
+    let stays = |at: usize| kept.get(at).copied().unwrap_or(true);
+    let of = |cells: &[String]| -> Vec<String> {
+        cells.iter().enumerate().filter(|(at, _)| stays(*at)).map(|(_, cell)| cell.clone()).collect()
+    };
+    (raw.header, raw.units) = (of(&raw.header), of(&raw.units));
+    for (_, record) in &mut raw.rows {
+        *record = record.iter().enumerate().filter(|(at, _)| stays(*at)).map(|(_, cell)| cell).collect();
+    }
 }
 
 /// Leaves out a first column that only counts the rows, as other programs write their index.
@@ -388,7 +408,7 @@ fn places(
     let standard = known_columns();
     let mut left = Vec::new();
     for (at, name) in raw.header.iter().enumerate().filter(|(at, _)| !used.contains(at)) {
-        let force = is_output(name);
+        let force = is_output(name) || is_comment(name);
         if declared && !standard.contains(name) && !force || format.columns.contains_key(name) {
             left.push(name.as_str());
             continue;

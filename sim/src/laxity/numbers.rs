@@ -127,6 +127,10 @@ fn twice(trials: &[LaxityTrial]) -> Option<SignDoubt> {
     })
 }
 
+/// Readings this far apart and more are steps of an instrument [mm] or [deg]: encoders and rulers. Ours.
+const LEAST_RULED: f64 = 0.05;
+/// Readings no further apart are one number [mm] or [deg]: thirty steps of an instrument, each written with six decimals.
+const SAME: f64 = 1e-4;
 /// Readings at one end of a coordinate's range that are one number, from which on the instrument ended there; and what share of all they are [-].
 /// Ours: readings with three decimals and more agree by chance in fewer than one of 1000.
 const LEAST_AT_AN_END: usize = 3;
@@ -137,16 +141,26 @@ const SHARE_AT_AN_END: f64 = 0.1;
 fn ended(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
     // samples of a log stand still in their holds
     let poses = trials.iter().filter(|t| t.reference.is_none() && t.time_s.is_none() && t.test.coordinate() == Some(c));
-    let poses: Vec<(f64, Free<Option<f64>>)> = poses.filter_map(|t| Some((t.measured[c]?, t.measured))).collect();
+    let poses: Vec<(f64, &LaxityTrial)> = poses.filter_map(|t| Some((t.measured[c]?, t))).collect();
     let given: Vec<f64> = poses.iter().map(|p| p.0).collect();
     let fine = given.iter().filter(|x| ((*x * ROUND).round() - *x * ROUND).abs() > 1e-6).count();
     if 2 * fine <= given.len() {
         return None;
     }
+    if has_step(&given) {
+        return None;
+    }
     let ends = [f64::min as fn(f64, f64) -> f64, f64::max].map(|f| given.iter().copied().reduce(f).unwrap_or(0.0));
     let there = |end: f64| {
-        let at_end = poses.iter().filter(|p| p.0.to_bits() == end.to_bits());
-        at_end.map(|p| FREE.map(|c| p.1[c].map(f64::to_bits))).collect::<BTreeSet<_>>().len()
+        let is_end = |x: f64| x.to_bits() == end.to_bits();
+        // a test that reads one number throughout goes to a displacement
+        let goes_on = |t: &LaxityTrial| poses.iter().any(|p| p.1.test == t.test && loaded(p.1) && !is_end(p.0));
+        let at_end = poses.iter().filter(|p| is_end(p.0)).map(|p| p.1).filter(|t| goes_on(t));
+        let loads: Vec<u64> = at_end.clone().map(|t| t.load[c].to_bits()).collect();
+        // a machine that goes to a displacement reads the load: no two are alike
+        let is_target = loads.len() == loads.iter().collect::<BTreeSet<_>>().len();
+        let others: BTreeSet<_> = at_end.map(|t| FREE.map(|c| t.measured[c].map(f64::to_bits))).collect();
+        if is_target { 0 } else { others.len() }
     };
     let at_stop = |end: &f64| {
         let count = there(*end);
@@ -163,6 +177,21 @@ fn ended(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
             given.len()
         ),
     })
+}
+
+/// Whether readings are steps of an instrument apart, whatever their zero: such readings agree often.
+fn has_step(given: &[f64]) -> bool {
+    let first = given.first().copied().unwrap_or(0.0);
+    given.iter().map(|x| (x - first).abs()).fold(0.0, common) >= LEAST_RULED
+}
+
+/// The largest number of which both are multiples, to within [`SAME`]; neither is below 0.
+fn common(mut a: f64, mut b: f64) -> f64 {
+    while b > SAME {
+        let rest = (a - (a / b).round() * b).abs();
+        (a, b) = (b, rest);
+    }
+    a
 }
 
 /// Whether the trial loads what it tests: without load a displacement may well be 0.

@@ -1,6 +1,8 @@
 //! The reader: every complaint names the row and the column.
 
-use super::columns::{LaxityError, QUADRICEPS_COLUMN, is_output, known_columns, required_columns, sd_column};
+use super::columns::{
+    LaxityError, QUADRICEPS_COLUMN, is_comment, is_output, known_columns, required_columns, sd_column,
+};
 use super::differences;
 use super::format::{LaxityFormat, standard};
 use super::text;
@@ -83,7 +85,8 @@ fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Res
         let (number, is_first) = (*number, k == 0);
         let row = Row { number, is_first, is_asked, columns: &columns, record, called: &standard.called };
         let trial = trial(&row, &mut table.warnings)?;
-        table.warnings.extend(beside::excluded(number, row.text("flags")));
+        let in_words = columns.keys().filter(|name| name.as_str() == "flags" || is_comment(name));
+        table.warnings.extend(in_words.filter_map(|name| beside::excluded(number, name, row.text(name))));
         if !names.insert(trial.trial.clone()) {
             return row.refuse("trial", &format!("\"{}\" stands in an earlier row; names must differ", trial.trial));
         }
@@ -166,7 +169,7 @@ fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize
     let known = known_columns();
     let mut found = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {
-        if !known.contains(name) && !is_output(name) {
+        if !known.contains(name) && !is_output(name) && !is_comment(name) {
             let what = match super::headers::declared(name, header.iter()) {
                 _ if name.is_empty() => NAMELESS.to_owned(),
                 Some(is) => format!("unknown column \"{name}\": {is}"),

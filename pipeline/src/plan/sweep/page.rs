@@ -2,13 +2,14 @@
 
 use super::file::Sweep;
 use super::row::{Row, ranked};
-use super::{BEST, SweepTold};
+use super::{BEST, SweepTold, counted, not_restored};
 use crate::plan::file::PlanFile;
 use crate::plan::heat::heat;
 use crate::plan::html::{STYLE, table, words};
+use crate::plan::knee::Placed;
 use crate::plan::map::{Cell, Map};
 use crate::plan::page::{FIGURES, limits};
-use crate::plan::planned::loads;
+use crate::plan::planned::{Law, section};
 use crate::plan::table::{fixed, shown};
 use crate::report::{escaped, head};
 use std::collections::BTreeMap;
@@ -24,22 +25,33 @@ const SHOWN: [(&str, &str, usize, f64); 3] = [
 /// A map has at most so many fields [-]; ours: a sheet of paper has room for their numbers.
 const MOST_FIELDS: usize = 400;
 
+/// What the page is of.
+pub(super) struct Given<'a> {
+    pub(super) sweep: &'a Sweep,
+    /// graft.toml.
+    pub(super) base: &'a PlanFile,
+    /// Bundles that are cut.
+    pub(super) cut: &'a [String],
+    /// Where the grafts of graft.toml are.
+    pub(super) placed: &'a [Placed],
+    /// Draws the samples.
+    pub(super) seed: Option<u64>,
+}
+
 /// The page.
-pub(super) fn page(sweep: &Sweep, base: &PlanFile, rows: &[Row], (told, label): (&SweepTold, &str)) -> String {
+pub(super) fn page(given: &Given, rows: &[Row], (told, label): (&SweepTold, &str)) -> String {
+    let (sweep, base) = (given.sweep, given.base);
     let title = if base.name.is_empty() { "Many plans" } else { &base.name };
     let mut text = head(&format!("{title}: many plans")).replace("To the stages", "To the plans");
     text += FIGURES;
     text += STYLE;
     let _ = write!(text, "<header><h1>{}</h1><p>{}</p></header><main id=\"stages\">", escaped(title), escaped(label));
-    text += &summary(told);
+    text += &summary(given, rows, told);
     text += &varied(sweep, base);
+    let laws: Vec<Law> = given.placed.iter().map(|p| (p.stiffness, p.whole.as_deref())).collect();
+    text += &section(base, &laws);
     text += &maps(sweep, base, rows);
-    text += &best(sweep, rows);
-    let _ = write!(
-        text,
-        "<h2>How the knee is tested</h2>{}",
-        table(&words(&["test", "load", "flexion, deg"]), loads(&base.tests).into_iter())
-    );
+    text += &best(sweep, base, rows, told.samples);
     text += &limits();
     if !told.warnings.is_empty() {
         let all: String = told.warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
@@ -49,20 +61,31 @@ pub(super) fn page(sweep: &Sweep, base: &PlanFile, rows: &[Row], (told, label): 
 }
 
 /// What a reader wants first.
-fn summary(told: &SweepTold) -> String {
+fn summary(given: &Given, rows: &[Row], told: &SweepTold) -> String {
+    let drawn = given.seed.map_or("the first that the model has".to_owned(), |seed| format!("drawn by seed {seed}"));
     let samples = match told.samples {
         0 => "The knee is taken as known: no intervals and no chances.".to_owned(),
-        n => format!("Each was done to {n} knees that fit the measurements."),
+        n => format!(
+            "Of each plan {} of the knee {} asked, {drawn}. The table says how many of them could not be operated on or have no equilibrium.",
+            counted(n, "sample"),
+            if n == 1 { "was" } else { "were" }
+        ),
     };
+    let cut = match given.cut {
+        [] => "Nothing is cut.".to_owned(),
+        all => format!("Cut: {}.", all.join(", ")),
+    };
+    let none = not_restored(rows, given.base).map_or(String::new(), |none| format!("<strong>{none}.</strong> "));
     let lost = match told.plans - told.done {
         0 => String::new(),
         n => format!(" {n} could not be done; sweep.csv says why."),
     };
     format!(
-        "<h2>In short</h2><p>{} plans of the graft {}. {samples}{lost} Every number of every plan is in sweep.csv. A row there is what the command \
+        "<h2>In short</h2><p>{none}{} of the graft {}. {} {samples}{lost} Every number of every plan is in sweep.csv. A row there is what the command \
          plan tells of that one plan.</p>",
-        told.plans,
-        escaped(&told.graft)
+        counted(told.plans, "plan"),
+        escaped(&told.graft),
+        escaped(&cut)
     )
 }
 
@@ -74,7 +97,11 @@ fn varied(sweep: &Sweep, base: &PlanFile) -> String {
         let planned = own.and_then(|g| choice.of(g)).map_or("none".into(), |x| x.to_string());
         vec![choice.label.to_owned(), list.join(", "), planned]
     });
-    format!("<h2>What is varied</h2>{}", table(&words(&["choice", "values", "in the plan"]), rows))
+    format!(
+        "<h2>What is varied</h2>{}<p>These values take the place of what the graft {} has below. All else is as planned.</p>",
+        table(&words(&["choice", "values", "in the plan"]), rows),
+        escaped(own.map_or("", |g| g.name.as_str()))
+    )
 }
 
 /// Maps over two choices; nothing where only one is varied.
@@ -90,7 +117,9 @@ fn maps(sweep: &Sweep, base: &PlanFile, rows: &[Row]) -> String {
         best.entry(pair.map(|k| row.values[k].to_bits())).or_insert(row);
     }
     let own = base.graft.get(sweep.graft);
-    let planned = [across, up].map(|(c, _)| own.and_then(|g| c.of(g)).unwrap_or(f64::NAN));
+    // a field is framed where it tells of the very plan of graft.toml
+    let framed = best.values().find(|row| sweep.plan(base, &row.values) == *base);
+    let planned = framed.map_or([f64::NAN; 2], |row| pair.map(|k| row.values[k]));
     let mut text = String::new();
     for (column, what, digits, times) in SHOWN {
         let number = |at: [f64; 2]| {
@@ -108,18 +137,25 @@ fn maps(sweep: &Sweep, base: &PlanFile, rows: &[Row]) -> String {
         let svg = heat(&map, what, digits, |c| c.found.map(|f| f[0]));
         let _ = write!(text, "<figure class=\"paper\">{svg}<figcaption>{what}</figcaption></figure>");
     }
+    if text.is_empty() {
+        return text;
+    }
+    let frame = framed.map_or("", |_| " The framed field is the plan of graft.toml.");
     format!(
-        "<h2>Maps</h2><p>Where other choices are varied, too, a field tells of the best plan with its two values. The stronger the colour, the more. A framed \
-         field has the values of the plan.</p><div class=\"charts\">{text}</div>"
+        "<h2>Maps</h2><p>Where other choices are varied, too, a field tells of the best plan with its two values. The stronger the colour, the more.{frame}\
+         </p><div class=\"charts\">{text}</div>"
     )
 }
 
-/// The best plans.
-fn best(sweep: &Sweep, rows: &[Row]) -> String {
+/// The best plans; `samples` were asked.
+fn best(sweep: &Sweep, base: &PlanFile, rows: &[Row], samples: usize) -> String {
     let all = ranked(rows);
-    let percent = |r: &Row, column: &str, best: &str| match (r.number(column), r.number(best)) {
-        (Some(p), _) => format!("{} %", fixed(100.0 * p, 0)),
-        (_, Some(x)) => (if x > 0.0 { "yes" } else { "no" }).to_owned(),
+    if all.is_empty() {
+        return String::new();
+    }
+    let percent = |r: &Row, column: &str, best: &str| match (r.share(column), r.number(best)) {
+        (Some(share), _) => share,
+        (_, Some(x)) if r.number(&format!("{column}_of")).is_none() => (if x > 0.0 { "yes" } else { "no" }).to_owned(),
         _ => "none".to_owned(),
     };
     let line = |r: &&Row| {
@@ -132,7 +168,11 @@ fn best(sweep: &Sweep, rows: &[Row]) -> String {
         cells.extend(
             ["medial", "lateral"].map(|side| shown(r.value(&format!("unloaded_{side}_contact_n")).as_ref(), 0)),
         );
-        cells.push(r.number("samples_leaving").map_or(String::new(), |x| fixed(x, 0)));
+        if samples > 0 {
+            let count = |column: &str| r.number(column).map_or(String::new(), |x| fixed(x, 0));
+            cells.extend(["samples_leaving", "samples_without_equilibrium"].map(count));
+        }
+        cells.push(r.brief.join("; "));
         cells
     };
     let mut header = words(&["rank", "plan"]);
@@ -144,12 +184,31 @@ fn best(sweep: &Sweep, rows: &[Row]) -> String {
         "most graft force unloaded, N",
         "most medial contact unloaded, N",
         "most lateral contact unloaded, N",
-        "samples that leave the plateau",
     ]));
+    if samples > 0 {
+        header.extend(words(&[
+            "samples that leave the plateau",
+            "samples that could not be operated on or have no equilibrium",
+        ]));
+    }
+    header.push("odd".to_owned());
     let many = all.len().min(BEST);
+    let title = match (not_restored(rows, base).is_some(), many) {
+        (_, 1) => "The plan".to_owned(),
+        (true, _) => format!("The first {many} by rank"),
+        (false, _) => format!("The best {many}"),
+    };
+    let told = match samples {
+        0 => String::new(),
+        n => format!(
+            " A chance is of the samples whose intact knee stays on the plateau. Chances that lie near each other are not told apart by {}. Behind a \
+             number stands its 90 % interval.",
+            counted(n, "sample")
+        ),
+    };
     format!(
-        "<h2>The best {many}</h2><p>Ranked by the chance that every loaded test is like the intact knee, then by that of the anterior drawers, then by how far \
-         off they are. Behind a number stands its 90 % interval where the model has samples.</p>{}",
+        "<h2>{title}</h2><p>Ranked by the chance that every loaded test is like the intact knee, then by that of the anterior drawers, then by how far \
+         off they are.{told}</p>{}",
         table(&header, all.iter().take(BEST).map(line))
     )
 }
@@ -179,11 +238,26 @@ mod tests {
         let many: Vec<String> = (1..=21).map(|n| n.to_string()).collect();
         let text = format!("femur_depth_percent = [{0}]\ntension_n = [{0}]", many.join(","));
         assert!(super::maps(&parsed(&text, &base).unwrap(), &base, &rows).contains("too many values for a map"));
-        // without a force in the rows there is no map of it; the planned field is framed in the others
-        assert_eq!((maps.matches("<svg").count(), maps.matches("fill=\"none\"").count()), (2, 2));
-        let best = best(&sweep, &rows);
+        // without a force in the rows there is no map of it
+        // the best with the plan's depth and tension is fixed at another flexion: it is not the plan
+        assert_eq!((maps.matches("<svg").count(), maps.matches("fill=\"none\"").count()), (2, 0));
+        let last = rows[7].values.clone();
+        rows[7].values = std::mem::replace(&mut rows[6].values, last);
+        let maps = super::maps(&sweep, &base, &rows);
+        assert!(maps.matches("fill=\"none\"").count() == 2 && maps.contains("The framed field is the plan"));
+        let best = best(&sweep, &base, &rows, 100);
         let first = best.split("<tbody>").nth(1).unwrap();
         assert!(first.starts_with("<tr><td data-head=\"rank\">1</td><td data-head=\"plan\">7</td>"), "{first}");
-        assert!(first.contains(">77 %</td>"));
+        assert!(first.contains(">77 % (77 of 100)</td>"));
+        assert!(best.contains("<h2>The best 8</h2>") && best.contains("not told apart by 100 samples"));
+        // where none restores the knee, none is the best; where none could be done, there is no table
+        for row in &mut rows {
+            row.numbers[0].1 = Some(0.0);
+        }
+        assert!(super::best(&sweep, &base, &rows, 100).contains("<h2>The first 8 by rank</h2>"));
+        for row in &mut rows {
+            row.rank = None;
+        }
+        assert!(super::best(&sweep, &base, &rows, 100).is_empty() && super::maps(&sweep, &base, &rows).is_empty());
     }
 }

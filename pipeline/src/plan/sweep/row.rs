@@ -1,13 +1,23 @@
 //! A plan of a sweep as a row of numbers, and how the rows are ranked.
 
 use super::file::Sweep;
+use crate::plan::astray::briefly;
+use crate::plan::file::PlanFile;
+use crate::plan::knee::Placed;
 use crate::plan::numbers::Value;
 use crate::plan::outcome::{Left, Outcome, TestTold};
+use crate::plan::table::fixed;
 use notices::Kind;
+use sim::flags::{Flag, each_once};
 use std::cmp::Ordering;
 
 /// What follows the name of a number of the most probable knee: that number, mean and interval of the samples.
 const ENDS: [&str; 4] = ["", "_mean", "_lower", "_upper"];
+/// The most that the graft bears unloaded.
+const FORCE: &str = "unloaded_force_n";
+
+/// What came of a plan: its numbers, samples that say less than others, and what is odd in few words.
+pub(super) type Came = (Outcome, Left, Vec<String>);
 
 /// A plan of a sweep.
 #[derive(Clone, Debug)]
@@ -22,18 +32,45 @@ pub(super) struct Row {
     pub(super) numbers: Vec<(String, Option<f64>)>,
     /// What is odd.
     pub(super) flags: Vec<String>,
+    /// The same in few words.
+    pub(super) brief: Vec<String>,
     /// Why it could not be done.
     pub(super) fault: Option<String>,
 }
 
 impl Row {
     /// Of what came of a plan.
-    pub(super) fn of(plan: usize, values: Vec<f64>, found: Result<(Outcome, Left), String>, graft: usize) -> Row {
-        let (numbers, flags, fault) = match found {
-            Ok((out, left)) => (numbers(&out, left, graft), flags(&out), None),
-            Err(why) => (vec![], vec![], Some(why)),
+    pub(super) fn of(plan: usize, values: Vec<f64>, found: Result<Came, String>, graft: usize) -> Row {
+        let (numbers, flags, brief, fault) = match found {
+            Ok((out, left, brief)) => (numbers(&out, left, graft), flags(&out), brief, None),
+            Err(why) => (vec![], vec![], vec![], Some(why)),
         };
-        Row { plan, rank: None, values, numbers, flags, fault }
+        let mut row = Row { plan, rank: None, values, numbers, flags, brief, fault };
+        let outside = row.outside();
+        if !outside.is_empty() {
+            row.flags.push(format!("outside its interval: {}", outside.join(" ")));
+        }
+        if outside.iter().any(|column| column == FORCE) {
+            row.brief.push("graft force outside its interval".into());
+        }
+        row
+    }
+
+    /// Columns in which the most probable knee lies outside its own interval: of poses and of the graft's force, as for results.
+    fn outside(&self) -> Vec<String> {
+        let columns = self.numbers.iter().filter_map(|(name, _)| name.strip_suffix("_lower"));
+        let held = columns.filter(|column| column.ends_with("_off_mm") || *column == FORCE);
+        held.filter(|column| self.value(column).is_some_and(|v| v.is_outside())).map(str::to_owned).collect()
+    }
+
+    /// A chance in words: "33 % (4 of 12)"; none without samples that tell it.
+    pub(super) fn share(&self, column: &str) -> Option<String> {
+        let chance = self.number(column)?;
+        let percent = fixed(100.0 * chance, 0);
+        Some(match self.number(&format!("{column}_of")) {
+            Some(all) => format!("{percent} % ({:.0} of {all:.0})", chance * all),
+            None => format!("{percent} %"),
+        })
     }
 
     /// A number by its column.
@@ -88,13 +125,18 @@ fn numbers(out: &Outcome, left: Left, graft: usize) -> Vec<(String, Option<f64>)
     all.push(("plateau_medial_percent".into(), percent(plateau, 1)));
     all.push(("length_mm".into(), own.map(|g| g.length_mm)));
     all.push(("slack_length_mm".into(), own.map(|g| g.slack_length_mm)));
+    let of = |counts: Option<[usize; 2]>| counts.map(|[_, all]| all as f64);
     // the chances of a plan come in this order
     for (name, c) in ["_drawer", "_pivot_shift", ""].iter().zip(&out.chances) {
         all.push((format!("restored{name}"), Some(f64::from(u8::from(c.most_probable)))));
         all.push((format!("chance{name}"), c.chance));
+        all.push((format!("chance{name}_of"), of(c.counts)));
     }
     let loaded = || out.tests.iter().filter(|t| t.test != "unloaded");
-    all.extend(loaded().map(|t| (format!("chance_{}", called(t)), t.chance)));
+    for t in loaded() {
+        all.push((format!("chance_{}", called(t)), t.chance));
+        all.push((format!("chance_{}_of", called(t)), of(t.counts)));
+    }
     let drawers = || loaded().filter(|t| t.test.ends_with("drawer"));
     for kind in ["anterior drawer", "posterior drawer"] {
         let off =
@@ -109,7 +151,7 @@ fn numbers(out: &Outcome, left: Left, graft: usize) -> Vec<(String, Option<f64>)
     let force = own.map(|g| format!("graft_{}_n", g.name)).unwrap_or_default();
     let [graft, medial, lateral] =
         [force.as_str(), "contact_medial_force_n", "contact_lateral_force_n"].map(|q| most(out, q));
-    push(&mut all, "unloaded_force_n", graft.map(|(_, v)| v));
+    push(&mut all, FORCE, graft.map(|(_, v)| v));
     all.push(("unloaded_force_at_deg".into(), graft.map(|(t, _)| t.flexion_deg)));
     push(&mut all, "unloaded_medial_contact_n", medial.map(|(_, v)| v));
     push(&mut all, "unloaded_lateral_contact_n", lateral.map(|(_, v)| v));
@@ -132,11 +174,12 @@ fn push(all: &mut Vec<(String, Option<f64>)>, name: &str, value: Option<&Value>)
     all.extend(ENDS.iter().zip(four).map(|(end, x)| (format!("{name}{end}"), x)));
 }
 
-/// The unloaded test in which a quantity of the reconstructed knee is the most; of equals the first.
+/// The unloaded test in which a quantity of the reconstructed knee is the most; of equals the first. None where one has no equilibrium: it might be
+/// there.
 fn most<'a>(out: &'a Outcome, quantity: &str) -> Option<(&'a TestTold, &'a Value)> {
     let unloaded = out.tests.iter().filter(|t| t.test == "unloaded");
-    let all = unloaded.filter_map(|t| Some((t, t.states.get("reconstructed")?.get(quantity)?)));
-    all.reduce(|best, one| if one.1.value > best.1.value { one } else { best })
+    let all: Option<Vec<_>> = unloaded.map(|t| Some((t, t.states.get("reconstructed")?.get(quantity)?))).collect();
+    all?.into_iter().reduce(|best, one| if one.1.value > best.1.value { one } else { best })
 }
 
 /// What is odd of a plan: of its grafts, and of the reconstructed knee by test. What is odd without a graft is the same of all plans.
@@ -147,6 +190,31 @@ fn flags(out: &Outcome) -> Vec<String> {
         Some(format!("{}, {} deg: {}", t.test, t.flexion_deg, own.join(", ")))
     };
     of_plan.chain(out.tests.iter().filter_map(of_test)).collect()
+}
+
+/// What is odd of a plan in few words: its sites, and the reconstructed knee. Samples that leave the plateau or are lost have columns of their own.
+pub(super) fn brief(plan: &PlanFile, placed: &[Placed], out: &Outcome) -> Vec<String> {
+    let mut all = Vec::new();
+    for ((graft, at), told) in plan.graft.iter().zip(placed).zip(&out.grafts) {
+        let whose = if plan.graft.len() > 1 { format!("{}, ", graft.name) } else { String::new() };
+        all.extend(briefly(graft, at, told.percents()).into_iter().map(|words| format!("{whose}{words}")));
+    }
+    let lacks_column =
+        |f: &&Flag| !matches!(f, Flag::OutsideInterval(_) | Flag::SamplesLeave { .. } | Flag::SamplesLost { .. });
+    all.extend(each_once(out.tests.iter().flat_map(|t| &t.odd).filter(lacks_column)));
+    all.extend(out.notices.iter().any(|n| n.kind == Kind::NoIntervals).then(|| "no intervals".to_owned()));
+    all
+}
+
+/// Whether a column counts something: samples, or yes and no.
+fn counts(column: &str) -> bool {
+    let is_of = column.starts_with("chance") && column.ends_with("_of");
+    is_of || ["samples", "restored"].iter().any(|head| column.starts_with(*head))
+}
+
+/// A number as the table has it.
+fn written(column: &str, x: f64) -> String {
+    if counts(column) { format!("{x:.0}") } else { format!("{x:.4}") }
 }
 
 /// Columns of sweep.csv.
@@ -167,8 +235,10 @@ pub(super) fn csv(sweep: &Sweep, rows: &[Row]) -> Vec<u8> {
     for row in rows {
         let head = [Some(row.plan), row.rank].map(|n| n.map_or(String::new(), |n| n.to_string()));
         let values = row.values.iter().map(f64::to_string);
-        let own =
-            (0..numbers).map(|k| row.numbers.get(k).and_then(|(_, x)| *x).map_or(String::new(), |x| format!("{x:.4}")));
+        let own = (0..numbers).map(|k| {
+            let number = row.numbers.get(k).and_then(|(name, x)| Some(written(name, (*x)?)));
+            number.unwrap_or_default()
+        });
         let tail = [in_words(&row.flags.join("; ")), in_words(row.fault.as_deref().unwrap_or(""))];
         let cells: Vec<String> = head.into_iter().chain(values).chain(own).chain(tail).collect();
         text += &cells.join(",");
@@ -182,12 +252,14 @@ pub(super) mod tests {
     use super::super::file::parsed;
     use super::*;
     use crate::plan::file;
+    use std::collections::BTreeMap;
 
-    /// A row with a chance and a distance.
+    /// A row with a chance of a hundred samples and a distance.
     pub(in super::super) fn row(plan: usize, values: &[f64], chance: f64, off: f64) -> Row {
-        let numbers = [("chance", chance), ("chance_drawer", 0.5), ("anterior_drawer_most_off_mm", off)];
+        let numbers =
+            [("chance", chance), ("chance_of", 100.0), ("chance_drawer", 0.5), ("anterior_drawer_most_off_mm", off)];
         let numbers = numbers.map(|(name, x)| (name.to_owned(), Some(x))).to_vec();
-        Row { plan, rank: None, values: values.to_vec(), numbers, flags: vec![], fault: None }
+        Row { plan, rank: None, values: values.to_vec(), numbers, flags: vec![], brief: vec![], fault: None }
     }
 
     #[test]
@@ -221,8 +293,69 @@ pub(super) mod tests {
         let lost = Row { numbers: vec![], fault: Some("out of reach".into()), ..row(2, &[80.0], 0.0, 0.0) };
         let text = String::from_utf8(csv(&sweep, &[odd, lost])).unwrap();
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], "plan,rank,tension_n,chance,chance_drawer,anterior_drawer_most_off_mm,flags,fault");
-        assert_eq!(lines[1], "1,,40,0.2500,0.5000,2.0000,\"a, \"\"b\"\"; c\",");
-        assert_eq!(lines[2], "2,,80,,,,,out of reach");
+        assert_eq!(
+            lines[0],
+            "plan,rank,tension_n,chance,chance_of,chance_drawer,anterior_drawer_most_off_mm,flags,fault"
+        );
+        assert_eq!(lines[1], "1,,40,0.2500,100,0.5000,2.0000,\"a, \"\"b\"\"; c\",");
+        assert_eq!(lines[2], "2,,80,,,,,,out of reach");
+        // what counts is whole, what is measured is not
+        assert!(["samples", "samples_leaving", "restored_drawer", "chance_varus_30_of"].into_iter().all(counts));
+        assert!(!["chance", "chance_varus_30", "length_mm", "unloaded_force_at_deg"].into_iter().any(counts));
+    }
+
+    #[test]
+    fn a_value_outside_its_own_interval_is_flagged_by_its_column_and_a_chance_has_its_samples() {
+        let mut one = row(1, &[40.0], 0.25, 2.0);
+        let ends = |name: &str, four: [f64; 4]| ENDS.map(|end| format!("{name}{end}")).into_iter().zip(four.map(Some));
+        one.numbers.extend(ends(FORCE, [9.0, 15.0, 10.0, 20.0]));
+        one.numbers.extend(ends("anterior_drawer_30_off_mm", [1.0, 1.0, 0.0, 2.0]));
+        one.numbers.extend(ends("unloaded_medial_contact_n", [9.0, 15.0, 10.0, 20.0]));
+        assert_eq!(one.outside(), [FORCE]);
+        assert_eq!(one.share("chance").unwrap(), "25 % (25 of 100)");
+        assert_eq!(one.share("chance_drawer").unwrap(), "50 %");
+        assert!(one.share("chance_pivot_shift").is_none());
+    }
+
+    /// An unloaded test in which the graft bears so much [N]; without a force it has no equilibrium.
+    fn unloaded(flexion_deg: f64, force: Option<f64>) -> TestTold {
+        let value = |value: f64| Value { value, mean: None, lower: None, upper: None };
+        let own: BTreeMap<String, Value> = force.map(|n| ("graft_g_n".to_owned(), value(n))).into_iter().collect();
+        TestTold {
+            test: "unloaded".into(),
+            flexion_deg,
+            load: [0.0; 5],
+            states: BTreeMap::from([("reconstructed".to_owned(), own)]),
+            flags: BTreeMap::new(),
+            off: BTreeMap::new(),
+            chance: None,
+            counts: None,
+            odd: if force.is_some() { vec![] } else { vec![Flag::NoEquilibrium] },
+        }
+    }
+
+    #[test]
+    fn there_is_no_most_where_a_test_has_no_equilibrium_and_few_words_say_so() {
+        let plan = file::parsed(file::EXAMPLE).unwrap();
+        let out = |tests: Vec<TestTold>| Outcome {
+            schema: crate::plan::SCHEMA,
+            plan: String::new(),
+            model: None,
+            planned: plan.clone(),
+            cut: vec![],
+            grafts: vec![],
+            samples: 0,
+            interval: 0.9,
+            tests,
+            chances: vec![],
+            warnings: vec![],
+            notices: vec![],
+        };
+        let all = out(vec![unloaded(0.0, Some(3.0)), unloaded(30.0, Some(8.0)), unloaded(90.0, Some(8.0))]);
+        assert_eq!(most(&all, "graft_g_n").map(|(t, v)| (t.flexion_deg, v.value)), Some((30.0, 8.0)));
+        assert!(brief(&plan, &[], &all).is_empty());
+        let lost = out(vec![unloaded(0.0, Some(3.0)), unloaded(30.0, None)]);
+        assert!(most(&lost, "graft_g_n").is_none());
+        assert_eq!(brief(&plan, &[], &lost), ["no equilibrium"]);
     }
 }
