@@ -263,6 +263,9 @@ fn linear<S>(point: Point<S>, z: &DVector<f64>) -> (Linear, S) {
     (linear, point.state)
 }
 
+/// What a point of a fit leaves: its state, and the linear model there.
+type Left<S> = (S, Linear);
+
 /// A fit from a start, near a state where there is one; it leaves the linear model of where it ended, too.
 fn fit<F: Forward>(
     forward: &F,
@@ -270,8 +273,8 @@ fn fit<F: Forward>(
     (start, close, near): (&DVector<f64>, &DVector<f64>, Option<&F::State>),
     shift: &Shift,
     stop: Stop,
-) -> Option<Least<(F::State, Linear)>> {
-    let evaluate = |z: &DVector<f64>, last: Option<(&DVector<f64>, &(F::State, Linear))>| {
+) -> Option<Least<Left<F::State>>> {
+    let evaluate = |z: &DVector<f64>, last: Option<(&DVector<f64>, &Left<F::State>)>| {
         let from = last.map(|(z, (state, _))| (z, state)).or(near.map(|s| (close, s)));
         // far from what is close by there may be an answer all the same
         let point = forward.at(z, from).or_else(|| if last.is_none() { forward.at(z, None) } else { None })?;

@@ -86,15 +86,7 @@ pub(super) fn checked(
     }
     let bodies = if key == "ct.tibfib" { 2 } else { 1 };
     if topology.components > bodies {
-        let share = share_of(&topology, bodies);
-        // an inner shell is told as what it is
-        let what = match share > LARGE_PIECE && repairs.cavities == 0 {
-            true => format!(
-                "loose pieces besides the bone, of which the largest has {:.0} % of all triangles: another bone, or a table? Give each bone a file of its own",
-                100.0 * share
-            ),
-            false => "loose pieces besides the bone".into(),
-        };
+        let what = pieces_beside(&topology, bodies, repairs.cavities);
         warn(notices::Kind::PiecesBeside, topology.components - bodies, &what);
     }
     if key.starts_with("scans.") && topology.boundary_edges == 0 {
@@ -122,6 +114,19 @@ pub(super) fn checked(
         merged: vec![],
     };
     Ok((surface, counts))
+}
+
+/// What pieces beside so many bodies are.
+fn pieces_beside(topology: &Topology, bodies: usize, cavities: usize) -> String {
+    let share = share_of(topology, bodies);
+    // an inner shell is told as what it is
+    match share > LARGE_PIECE && cavities == 0 {
+        true => format!(
+            "loose pieces besides the bone, of which the largest has {:.0} % of all triangles: another bone, or a table? Give each bone a file of its own",
+            100.0 * share
+        ),
+        false => "loose pieces besides the bone".into(),
+    }
 }
 
 /// The share of all triangles that the largest piece beside so many bodies has [-]; components are in order of size.
