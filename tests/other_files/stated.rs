@@ -104,6 +104,16 @@ fn readings_that_end_at_one_number_are_told() {
     };
     assert_eq!(said(&with(&|ap| ap)), "");
     holds(&said(&with(&|ap| ap.min(3.6))), &["ap_mm is exactly 3.6 mm in 3 of 8 readings", "clipped"]);
+    // the same where each flexion was pulled with another load
+    let ramp = |line: &str| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if let (Ok(load), Ok(flexion)) = (cells[6].parse::<f64>(), cells[2].parse::<f64>()) {
+            cells[6] = (load * (1.0 + 0.01 * flexion)).to_string();
+        }
+        cells.join(",") + "\n"
+    };
+    let ramped: String = with(&|ap| ap.min(3.6)).lines().map(ramp).collect();
+    holds(&said(&ramped), &["ap_mm is exactly 3.6 mm in 3 of 8 readings"]);
     // a displacement that a test goes to, and an instrument of whole mm whose neutral was subtracted
     for table in [with(&|ap| ap.min(2.0)), with(&|ap| ap.round() + 0.123_456_7)] {
         assert!(!said(&table).contains("clipped"), "{table}");

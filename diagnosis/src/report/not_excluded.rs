@@ -34,6 +34,11 @@ pub struct NotExcluded {
 }
 
 impl NotExcluded {
+    /// The structure of a tear that the data prefer to what the verdict rests on, and its log odds [nats].
+    pub fn tear_ahead(&self) -> Option<(&str, f64)> {
+        self.torn.as_deref().filter(|_| self.log_odds > 0.0).map(|structure| (structure, self.log_odds))
+    }
+
     /// Whether it is the knee that lacks nothing.
     pub fn is_nothing(&self) -> bool {
         self.torn.is_none() && self.effects.is_empty()
@@ -139,8 +144,7 @@ pub fn to_one(log_odds: f64) -> String {
 
 /// Tears of a list whose log odds [nats] are above 0, in its order.
 pub(crate) fn ahead(of: &[NotExcluded]) -> Vec<(&str, f64)> {
-    let tears = of.iter().filter_map(|n| Some((n.torn.as_deref()?, n.log_odds)));
-    tears.filter(|(_, log_odds)| *log_odds > 0.0).collect()
+    of.iter().filter_map(NotExcluded::tear_ahead).collect()
 }
 
 /// That tears fit better than a knee that lacks nothing, though no effect is proven; nothing where none does. The list is one of a verdict of `none`.

@@ -89,7 +89,7 @@ fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
     let earned =
         |f: &crate::fit::Fit| crate::search::weighed(f, sources) - crate::search::weighed(&search.base, sources);
     // a tear that no effect is ahead of
-    let tear = d.not_excluded.iter().filter(|n| n.log_odds > 0.0).find_map(|n| Some((n.torn.as_deref()?, n.log_odds)));
+    let tear = d.not_excluded.iter().find_map(|state| state.tear_ahead());
     let nearest = tear.filter(|(_, log_odds)| d.best_log_bayes_factor.is_none_or(|earned| earned <= *log_odds));
     if let Some((structure, log_odds)) = nearest {
         return torn_nearest(structure, log_odds);

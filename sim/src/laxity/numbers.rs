@@ -144,10 +144,7 @@ fn ended(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
     let poses: Vec<(f64, &LaxityTrial)> = poses.filter_map(|t| Some((t.measured[c]?, t))).collect();
     let given: Vec<f64> = poses.iter().map(|p| p.0).collect();
     let fine = given.iter().filter(|x| ((*x * ROUND).round() - *x * ROUND).abs() > 1e-6).count();
-    if 2 * fine <= given.len() {
-        return None;
-    }
-    if has_step(&given) {
+    if 2 * fine <= given.len() || has_step(&given) {
         return None;
     }
     let ends = [f64::min as fn(f64, f64) -> f64, f64::max].map(|f| given.iter().copied().reduce(f).unwrap_or(0.0));
@@ -156,11 +153,7 @@ fn ended(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
         // a test that reads one number throughout goes to a displacement
         let goes_on = |t: &LaxityTrial| poses.iter().any(|p| p.1.test == t.test && loaded(p.1) && !is_end(p.0));
         let at_end = poses.iter().filter(|p| is_end(p.0)).map(|p| p.1).filter(|t| goes_on(t));
-        let loads: Vec<u64> = at_end.clone().map(|t| t.load[c].to_bits()).collect();
-        // a machine that goes to a displacement reads the load: no two are alike
-        let is_target = loads.len() == loads.iter().collect::<BTreeSet<_>>().len();
-        let others: BTreeSet<_> = at_end.map(|t| FREE.map(|c| t.measured[c].map(f64::to_bits))).collect();
-        if is_target { 0 } else { others.len() }
+        at_end.map(|t| FREE.map(|c| t.measured[c].map(f64::to_bits))).collect::<BTreeSet<_>>().len()
     };
     let at_stop = |end: &f64| {
         let count = there(*end);
