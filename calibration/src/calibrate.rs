@@ -249,7 +249,7 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         State::Recipe(r) => (r.best().ok_or_else(none)?, r.rivals()),
         State::Inference => return Err(CalibrationError::Option("method: posterior is no recipe".into())),
     };
-    let found = posterior::of_recipe(problem, &lowest.1, rivals, &o.gradient, o.seed);
+    let found = posterior::of_recipe(problem, &lowest.1, rivals, &o.gradient, o.seed)?;
     let lowest = judged(problem, lowest);
     let point = lowest.1.clone();
     let values = design.at(&point);

@@ -2,6 +2,9 @@
 //!
 //! A search asks for thousands of answers, so it asks a model with fewer contact nodes along a path of fewer increments; what is reported in
 //! the end comes from the model and path of `simulate`. How far the two differ: docs/stages/calibrate.md.
+//!
+//! A recipe's design variables are the model's own numbers, so their derivatives are that part of [`inference::jacobian`]'s. A recipe knows no frames, no
+//! apparatus and no bearing surface: its Jacobian has no other columns.
 
 use crate::design::{Design, Kind};
 use crate::experiment::{Answer, Jacobian};

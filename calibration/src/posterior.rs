@@ -6,6 +6,7 @@ pub(crate) mod share;
 use self::share::{Removed, Spread};
 use crate::cost::FAILED;
 use crate::design::{Design, Kind};
+use crate::error::CalibrationError;
 use crate::experiment::Experiment;
 use crate::options::GradientOptions;
 use crate::problem::Probes;
@@ -209,24 +210,25 @@ impl ForceEstimate {
 
 /// Laplace's approximation [tierney1986] at the point of lowest cost: a normal posterior from the solver's derivatives there, cut off at the
 /// ranges.
+///
+/// # Errors
+/// Noise that cannot be inferred.
 pub fn of_recipe(
     problem: &Problem,
     point: &[f64],
     rivals: Vec<(f64, Vec<f64>)>,
     options: &GradientOptions,
     seed: u64,
-) -> Found {
+) -> Result<Found, CalibrationError> {
     let n = point.len();
-    let predicted = problem.experiment.predictions(&problem.experiment.design.at(point));
-    let noise_scale =
-        if options.scale_noise { problem.misses(&predicted, &Free::all(1.0), options.robust) } else { Free::all(1.0) };
+    let noise_scale = if options.scale_noise { problem.noise_scale(point)? } else { Free::all(1.0) };
     let prior: Vec<Vec<f64>> = (0..options.samples).map(|s| prior_point(seed, s, n)).collect();
     let rivals = rivals.into_iter().filter(|r| r.0 < FAILED).collect();
     let chol = problem.jacobian(point, &noise_scale).and_then(|j| j.tr_mul(&j).cholesky());
     let Some(chol) = chol else {
         let warnings =
             vec![notices::Kind::NoDerivatives.notice("the solver has no derivatives at the best point: no intervals")];
-        return Found { samples: vec![], prior, noise_scale, rivals, warnings };
+        return Ok(Found { samples: vec![], prior, noise_scale, rivals, warnings });
     };
     let mut random = stream(seed, u64::MAX);
     let upper = chol.l().transpose();
@@ -236,7 +238,7 @@ pub fn of_recipe(
         point.iter().zip(step.iter()).map(|(x, d)| reflect(x + d)).collect()
     };
     let samples = (0..options.samples).map(|_| draw(&mut random)).collect();
-    Found { samples, prior, noise_scale, rivals, warnings: vec![] }
+    Ok(Found { samples, prior, noise_scale, rivals, warnings: vec![] })
 }
 
 /// A point spread evenly over the unit box.

@@ -2,15 +2,53 @@
 
 use crate::cost::{Cost, CostFunction, FAILED};
 use crate::error::CalibrationError;
-use crate::experiment::{Answer, Experiment};
+use crate::experiment::{Answer, Experiment, Jacobian};
 use crate::options::{CalibrateOptions, LoadPrior};
 use crate::targets::Targets;
-use nalgebra::{DMatrix, DVector};
+use inference::linear::Linear;
+use inference::noise::Likelihood;
+use nalgebra::{DMatrix, DVector, RowDVector};
 use sim::SimError;
-use sim::coordinate::Free;
+use sim::coordinate::{Coordinate, Free};
 
 /// Standard deviation of a number spread evenly over a unit width: the prior of Table 3's ranges.
 const UNIFORM_SD: f64 = 0.288_675_134_594_812_9;
+/// Its mean.
+const UNIFORM_MEAN: f64 = 0.5;
+/// Times that the noise is inferred: what counts as an outlier moves with it. Where all readings miss by ten noises, the third moves it by less than 1 %.
+const NOISE_ROUNDS: usize = 3;
+
+/// Whether derivatives are asked of the solver. Without them the variables take nothing up of what is read.
+#[derive(Clone, Copy, PartialEq)]
+enum Derivatives {
+    Asked,
+    LeftOut,
+}
+
+/// Readings about a point.
+struct Readings {
+    /// Predicted minus measured, and beliefs, by standard normal numbers of the variables.
+    at: Linear,
+    /// Noise of each reading as stated.
+    sd: Vec<f64>,
+    /// Coordinate of each.
+    coordinate: Vec<Coordinate>,
+}
+
+/// Values and their derivatives, a row each.
+struct Stacked {
+    values: DVector<f64>,
+    jacobian: DMatrix<f64>,
+}
+
+impl Stacked {
+    fn of(all: &[(f64, RowDVector<f64>)], columns: usize) -> Stacked {
+        Stacked {
+            values: DVector::from_iterator(all.len(), all.iter().map(|(value, _)| *value)),
+            jacobian: DMatrix::from_fn(all.len(), columns, |r, k| all[r].1[k]),
+        }
+    }
+}
 
 /// Trials, what was measured, the cost.
 pub struct Problem<'a> {
@@ -87,47 +125,79 @@ impl<'a> Problem<'a> {
         p.applies(&self.targets.trials[trial])
     }
 
-    /// Derivatives by unit coordinates of the residuals in standard deviations, scaled by `noise_scale`, and of the beliefs: a row a number. `None` when a
-    /// trial has no answer.
+    /// Derivatives by unit coordinates of the residuals in standard deviations, scaled by `noise_scale`, of the beliefs, and of the priors: a row a number.
+    /// `None` when a trial has no answer.
     pub fn jacobian(&self, unit: &[f64], noise_scale: &Free<f64>) -> Option<DMatrix<f64>> {
-        let design = self.experiment.design;
-        let answers = self.experiment.answers(&design.at(unit), true);
-        let (n, widths) = (unit.len(), design.variables.iter().map(crate::design::Variable::width).collect::<Vec<_>>());
-        let mut rows: Vec<DVector<f64>> = Vec::new();
-        for (i, answer) in answers.iter().enumerate() {
-            let (answer, t) = (answer.as_ref().ok()?, &self.targets.trials[i]);
-            let noise = self.targets.noise(t);
-            let jacobian = answer.jacobian.as_ref()?;
-            let residual = crate::cost::residual(t, &answer.predicted);
-            for (c, r) in residual.each() {
-                let Some(r) = r else { continue };
-                let sd = noise[c] * noise_scale[c];
-                let by = DVector::from_fn(n, |k, _| jacobian.predicted[k][c] * widths[k] / sd);
-                rows.push(by * huber(r / sd, self.robust));
-            }
-            for (p, index) in self.loads.iter().filter(|(p, _)| self.applies(p, i)) {
-                let slope = load_residual(p, total(&answer.forces_n, index)).1;
-                rows.push(DVector::from_fn(n, |k, _| slope * total(&jacobian.forces_n[k], index) * widths[k]));
-            }
+        let Readings { mut at, sd, coordinate } = self.about(unit, Derivatives::Asked)?;
+        for (i, mut row) in at.jacobian.row_iter_mut().enumerate() {
+            let sd = sd[i] * noise_scale[coordinate[i]];
+            row *= huber(at.reading[i] / sd, self.robust) / sd;
         }
-        rows.extend((0..n).map(|k| DVector::from_fn(n, |j, _| if j == k { 1.0 / UNIFORM_SD } else { 0.0 })));
-        let jacobian = DMatrix::from_fn(rows.len(), n, |i, k| rows[i][k]);
-        jacobian.iter().all(|x| x.is_finite()).then_some(jacobian)
+        let (n, readings, beliefs) = (unit.len(), at.jacobian.nrows(), at.belief_jacobian.nrows());
+        let mut out = DMatrix::zeros(readings + beliefs + n, n);
+        out.rows_mut(0, readings).copy_from(&at.jacobian);
+        out.rows_mut(readings, beliefs).copy_from(&at.belief_jacobian);
+        out.rows_mut(readings + beliefs, n).fill_with_identity();
+        out /= UNIFORM_SD;
+        out.iter().all(|x| x.is_finite()).then_some(out)
     }
 
-    /// By how much predictions miss the measurements in standard deviations, a coordinate each, and no less than 1: root mean square of residuals
-    /// cut off at `robust` times the scale so far, each coordinate giving up its share of the variables the data determine.
-    pub fn misses(&self, predicted: &[Option<Free<f64>>], so_far: &Free<f64>, robust: f64) -> Free<f64> {
-        let z = self.standardised(predicted);
-        let all = z.iter().flatten().flatten().count().max(1) as f64;
-        // the data determine about half of the variables
-        let spent = (0.5 * self.experiment.design.len() as f64 / all).min(0.5);
-        Free::from_fn(|c| {
-            let of: Vec<f64> = z.iter().filter_map(|z| z[c]).collect();
-            let most = robust * so_far[c];
-            let mean = of.iter().map(|z| z.abs().min(most).powi(2)).sum::<f64>() / of.len().max(1) as f64;
-            (mean / (1.0 - spent)).sqrt().max(1.0)
-        })
+    /// By how much the data scatter more than stated about unit coordinates, a coordinate each, and no less than 1: an inference's answer
+    /// ([`Likelihood::infer_scales`]), since a recipe's cost says nothing of noise.
+    ///
+    /// # Errors
+    /// A covariance that is not positive definite.
+    pub fn noise_scale(&self, unit: &[f64]) -> Result<Free<f64>, CalibrationError> {
+        let about = self.about(unit, Derivatives::Asked).or_else(|| self.about(unit, Derivatives::LeftOut));
+        // a point without an answer has no cost either
+        let Some(Readings { at, sd, coordinate }) = about else { return Ok(Free::all(1.0)) };
+        let group = coordinate.iter().map(|c| c.free_index()).collect();
+        let mut likelihood = Likelihood::independent(DVector::zeros(sd.len()), sd, group);
+        likelihood.robust = self.robust;
+        for _ in 0..NOISE_ROUNDS {
+            likelihood.infer_scales(&at, true)?;
+        }
+        Ok(Free::from_fn(|c| likelihood.scale.get(c.free_index()).map_or(1.0, |s| s.max(1.0))))
+    }
+
+    /// What is read and believed about unit coordinates. `None` when a trial has no answer, or no derivatives where those are asked.
+    fn about(&self, unit: &[f64], derivatives: Derivatives) -> Option<Readings> {
+        let design = self.experiment.design;
+        let answers = self.experiment.answers(&design.at(unit), derivatives == Derivatives::Asked);
+        let by_number: Vec<f64> = design.variables.iter().map(|v| v.width() * UNIFORM_SD).collect();
+        let row = |by: &dyn Fn(usize, &Jacobian) -> f64, jacobian: Option<&Jacobian>| {
+            RowDVector::from_fn(unit.len(), |_, k| jacobian.map_or(0.0, |j| by(k, j) * by_number[k]))
+        };
+        let (mut sd, mut coordinate, mut read, mut believed) = (vec![], vec![], vec![], vec![]);
+        for (i, answer) in answers.iter().enumerate() {
+            let (answer, t) = (answer.as_ref().ok()?, &self.targets.trials[i]);
+            let jacobian = match derivatives {
+                Derivatives::Asked => Some(answer.jacobian.as_ref()?),
+                Derivatives::LeftOut => None,
+            };
+            let noise = self.targets.noise(t);
+            for (c, residual) in crate::cost::residual(t, &answer.predicted).each() {
+                let Some(residual) = residual else { continue };
+                sd.push(noise[c]);
+                coordinate.push(c);
+                read.push((*residual, row(&|k, j| j.predicted[k][c], jacobian)));
+            }
+            for (p, index) in self.loads.iter().filter(|(p, _)| self.applies(p, i)) {
+                let (residual, slope) = load_residual(p, total(&answer.forces_n, index));
+                believed.push((residual, row(&|k, j| slope * total(&j.forces_n[k], index), jacobian)));
+            }
+        }
+        let one_side = vec![false; believed.len()];
+        let (read, believed) = (Stacked::of(&read, unit.len()), Stacked::of(&believed, unit.len()));
+        let at = Linear {
+            reading: read.values,
+            jacobian: read.jacobian,
+            belief: believed.values,
+            belief_jacobian: believed.jacobian,
+            one_side,
+            z: DVector::from_iterator(unit.len(), unit.iter().map(|x| (x - UNIFORM_MEAN) / UNIFORM_SD)),
+        };
+        Some(Readings { at, sd, coordinate })
     }
 
     /// Predicted minus measured in standard deviations (unscaled), a trial each.

@@ -485,7 +485,7 @@ impl Problem {
     ) -> Result<Linear, DiagnosisError> {
         let knee = self.knee(hypothesis, unknowns)?;
         let rests = self.nearer_in(&knee, starts);
-        Ok(self.linear_in(&knee, hypothesis, unknowns, rests))
+        self.linear_in(&knee, hypothesis, unknowns, rests)
     }
 
     /// [`Problem::linear`] where the rests are known.
@@ -495,29 +495,36 @@ impl Problem {
         unknowns: &[f64],
         rests: Vec<Equilibrium>,
     ) -> Result<Linear, DiagnosisError> {
-        Ok(self.linear_in(&self.knee(hypothesis, unknowns)?, hypothesis, unknowns, rests))
+        self.linear_in(&self.knee(hypothesis, unknowns)?, hypothesis, unknowns, rests)
     }
 
-    fn linear_in(&self, knee: &Knee, hypothesis: &[Candidate], unknowns: &[f64], rests: Vec<Equilibrium>) -> Linear {
+    fn linear_in(
+        &self,
+        knee: &Knee,
+        hypothesis: &[Candidate],
+        unknowns: &[f64],
+        rests: Vec<Equilibrium>,
+    ) -> Result<Linear, DiagnosisError> {
         let joints = self.nuisance.joints(unknowns, self.sources.len());
         let by_unknowns = |(trial, rest): (&Trial, &Equilibrium)| {
             let jacobian = Jacobian::new(knee.bench(trial), trial, rest);
-            let mut columns = jacobian.nuisances(&self.nuisance, unknowns, &joints);
+            let mut columns = jacobian.nuisances(&self.nuisance, unknowns, &joints)?;
             let mut at = self.nuisances();
             for candidate in hypothesis {
                 let scaled = &unknowns[at..at + candidate.size()];
                 at += candidate.size();
                 columns.extend(jacobian.candidate(candidate, scaled, self.acts(candidate.scope, trial.source)));
             }
-            columns
+            Ok(columns)
         };
-        let rows: Vec<Vec<Free<f64>>> = knee.trials.par_iter().zip(&rests).map(by_unknowns).collect();
+        let rows: Vec<Vec<Free<f64>>> =
+            knee.trials.par_iter().zip(&rests).map(by_unknowns).collect::<Result<_, DiagnosisError>>()?;
         let jacobian = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| {
             let (i, d) = at_row(r);
             rows[i][c][d]
         });
         let value = rests.iter().flat_map(reading).collect();
-        Linear { value, jacobian, rests }
+        Ok(Linear { value, jacobian, rests })
     }
 }
 

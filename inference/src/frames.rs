@@ -4,9 +4,10 @@
 //! in other frames make up for the difference with forces that are not there; so the difference is inferred too.
 
 use meshes::frame::{AnatomicalFrame, Side};
-use nalgebra::Rotation3;
+use nalgebra::{Matrix6, Rotation3, Vector3};
 use sim::SimError;
-use sim::joint::Joint;
+use sim::coordinate::{FE, Six};
+use sim::joint::{Joint, Pose};
 use sim::spec::FramesSpec;
 use sim::trials::pose_spec;
 
@@ -48,6 +49,55 @@ pub fn corrected(frames: &FramesSpec, side: Side, terms: &Terms) -> Result<Frame
     }
     out.gs_ct_pose = pose_spec(&Joint::new(&out, side)?.ct_pose());
     Ok(out)
+}
+
+/// For each turn and shift that is asked for, the joint with the frame moved by [`STEP`] forward and back; none of frames that make no joint.
+pub type FrameSteps = [Option<[Joint; 2]>; 12];
+
+/// Steps of the asked terms about frames that are turned and shifted already.
+pub fn frame_steps(frames: &FramesSpec, side: Side, about: &Terms, is_asked: impl Fn(usize) -> bool) -> FrameSteps {
+    std::array::from_fn(|t| {
+        let at = |by: f64| {
+            let mut terms = *about;
+            terms[t] += by;
+            Joint::new(&corrected(frames, side, &terms).ok()?, side).ok()
+        };
+        if is_asked(t) { Some([at(STEP)?, at(-STEP)?]) } else { None }
+    })
+}
+
+/// What a turn or shift of a frame changes where the bones stay, per degree or millimetre.
+pub struct FrameChange {
+    /// What is read [rad, mm].
+    pub read: Six,
+    /// The generalised forces of the wrench that the knee bears [N mm, N].
+    pub force: Six,
+    /// Flexion as the chain has it [rad].
+    pub flexion: f64,
+}
+
+impl FrameChange {
+    /// By central differences over the steps of a term: the bones at `pose` bear the generalised force `force`, and `read` makes what is read of
+    /// Grood-Suntay coordinates. `None` of a pose that the chain does not reach.
+    pub fn of(joints: &[Joint; 2], pose: &Pose, force: &Six, read: &dyn Fn(&Six) -> Six) -> Option<FrameChange> {
+        let wrench = wrench(pose, force)?;
+        let at = |joint: &Joint| {
+            let gs = joint.grood_suntay_of(&pose.femur);
+            let q = joint.coordinates(&gs).ok()?;
+            let pose = joint.pose(&q);
+            let along = |j: usize| wrench[0].dot(&pose.screws[j].linear) + wrench[1].dot(&pose.screws[j].angular);
+            Some((read(&gs), Six::from_fn(|j, _| along(j)), q[FE] + joint.ct_pose()[FE]))
+        };
+        let ([up, down], per) = ([at(&joints[0])?, at(&joints[1])?], 1.0 / (2.0 * STEP));
+        Some(FrameChange { read: (up.0 - down.0) * per, force: (up.1 - down.1) * per, flexion: (up.2 - down.2) * per })
+    }
+}
+
+/// Force and moment about the CT's origin whose generalised force is `force` at a pose.
+fn wrench(pose: &Pose, force: &Six) -> Option<[Vector3<f64>; 2]> {
+    let rows = Matrix6::from_fn(|j, c| if c < 3 { pose.screws[j].linear[c] } else { pose.screws[j].angular[c - 3] });
+    let w = rows.try_inverse()? * force;
+    Some([Vector3::new(w[0], w[1], w[2]), Vector3::new(w[3], w[4], w[5])])
 }
 
 #[cfg(test)]

@@ -8,88 +8,28 @@ pub mod predict;
 mod reading;
 
 use crate::error::InferenceError;
-use crate::frames::{Terms, corrected};
+use crate::frames::{FrameSteps, Terms, corrected, frame_steps};
+use crate::jacobian::pressed;
 use crate::lacking::ModelDiscrepancy;
 use crate::parameter::Parameter;
 use crate::posterior::{Forward, Point};
+use crate::quantity::shares;
+pub use crate::quantity::{KNOTS, Quantity};
 use crate::trial::Trial;
 use jacobian::Jacobian;
 pub use jacobian::{ByOne, by_the_model};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::SimError;
 use sim::contact::Nearby;
-use sim::coordinate::{Coordinate, FE, Free, Load, Six};
+use sim::coordinate::{FE, Free, Load, Six};
 use sim::joint::Joint;
 use sim::laxity::LaxityTrial;
 use sim::quasistatic::{Goal, close};
-use sim::sensitivity::{End, Parameter as Number};
+use sim::sensitivity::End;
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, chain_flexion, pose_spec, solve_trials};
-
-/// What of a knee a parameter is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Quantity {
-    /// Reference strain of bundles, by index [-].
-    ReferenceStrain(Vec<usize>),
-    /// Stiffness of bundles, by index [N/mm].
-    Stiffness(Vec<usize>),
-    /// A turn or shift of a frame, by its place in [`Terms`] [deg or mm]: of one data set, or of all.
-    Frame(Option<usize>, usize),
-    /// A CT coordinate of a bundle's end, from where the model has it [mm].
-    Site(usize, End, usize),
-    /// Factor on contact pressures [-].
-    ContactScale,
-    /// Cartilage thicker than the model's, both of a compartment together [mm].
-    Cartilage,
-    /// Slope by which the bearing surface leans otherwise than the model's about a flexion [rad]: ML or AP, and place among
-    /// [`KNOTS`].
-    Lean(Coordinate, usize),
-    /// Displacement per load that the apparatus of a data set reads beside the knee's [deg/(N m), mm/N]: data set, coordinate.
-    Compliance(usize, Coordinate),
-    /// Load that the knee bears in all trials of a data set beside the recorded one [N m, N]: data set, coordinate.
-    Resting(usize, Coordinate),
-}
-
-impl Quantity {
-    /// The model's own numbers that it is, and by how much each changes per unit where it has a value; `None` of what stands beside the model, whose
-    /// derivative is another.
-    pub fn numbers(&self, value: f64) -> Option<(Vec<Number>, f64)> {
-        match self {
-            Quantity::ReferenceStrain(of) => Some((of.iter().map(|&b| Number::ReferenceStrain(b)).collect(), 1.0)),
-            Quantity::Stiffness(of) => Some((of.iter().map(|&b| Number::Stiffness(b)).collect(), 1.0)),
-            Quantity::Site(bundle, end, axis) => Some((vec![Number::Site(*bundle, *end, *axis)], 1.0)),
-            // the model counts from its own pressures
-            Quantity::ContactScale => Some((vec![Number::ContactScale], 1.0 / value)),
-            Quantity::Frame(..)
-            | Quantity::Cartilage
-            | Quantity::Lean(..)
-            | Quantity::Compliance(..)
-            | Quantity::Resting(..) => None,
-        }
-    }
-
-    /// The data set whose frames it turns or shifts, or all; and the term. `None` of all that is no frame.
-    fn frame(&self) -> Option<(Option<usize>, usize)> {
-        match *self {
-            Quantity::Frame(source, term) => Some((source, term)),
-            Quantity::ReferenceStrain(_)
-            | Quantity::Stiffness(_)
-            | Quantity::Site(..)
-            | Quantity::ContactScale
-            | Quantity::Cartilage
-            | Quantity::Lean(..)
-            | Quantity::Compliance(..)
-            | Quantity::Resting(..) => None,
-        }
-    }
-}
-
-/// Flexions between which leans of the bearing surface are interpolated [deg]; ours: contact wanders over a plateau's third in each.
-pub const KNOTS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 
 /// A belief about bundle forces in a trial.
 #[derive(Clone, Debug, PartialEq)]
@@ -185,23 +125,13 @@ pub(crate) struct Knee {
 impl Knee {
     /// The model a trial is put to, and its frames.
     pub(crate) fn of(&self, trial: &Trial) -> (&Model, &Terms) {
-        (self.models.of(trial.source), terms_of(&self.terms, trial.source))
+        (self.models.of(trial.source), of_frames(&self.terms, trial.source))
     }
 }
 
-/// Turns and shifts of a data set's frames; of none, of those of all.
-fn terms_of(terms: &[Terms], source: Option<usize>) -> &Terms {
+/// What is of a data set's frames; of none, what is of those of all.
+fn of_frames<T>(terms: &[T], source: Option<usize>) -> &T {
     source.and_then(|s| terms.get(s + 1)).unwrap_or(&terms[0])
-}
-
-/// Share of each knot at a flexion.
-fn shares(fe_deg: f64) -> [f64; KNOTS.len()] {
-    let mut out = [0.0; KNOTS.len()];
-    let x = fe_deg.clamp(KNOTS[0], KNOTS[KNOTS.len() - 1]);
-    let k = (0..KNOTS.len() - 2).find(|&k| x < KNOTS[k + 1]).unwrap_or(KNOTS.len() - 2);
-    let t = (x - KNOTS[k]) / (KNOTS[k + 1] - KNOTS[k]);
-    (out[k], out[k + 1]) = (1.0 - t, t);
-    out
 }
 
 impl Trials<'_> {
@@ -231,9 +161,13 @@ impl Trials<'_> {
         Ok(Knee { models: in_frames(&model, self.spec, &terms)?, terms, values })
     }
 
-    /// The joint in frames turned and shifted.
-    pub(crate) fn joint(&self, terms: &Terms) -> Result<Joint, SimError> {
-        Joint::new(&corrected(&self.spec.frames, self.spec.side, terms)?, self.spec.side)
+    /// Steps of the frames that are parameters, about those of all, then about those of each data set.
+    fn steps(&self, knee: &Knee) -> Vec<FrameSteps> {
+        let is_asked = |term: usize| {
+            let is_its = |p: &Parameter<Quantity>| p.quantity.frame().is_some_and(|(_, of)| of == term);
+            self.parameters.iter().any(is_its)
+        };
+        knee.terms.iter().map(|terms| frame_steps(&self.spec.frames, self.spec.side, terms, is_asked)).collect()
     }
 
     /// The specification with frames of all, sites, contact and ligaments as at `z`; `source` picks a data set's frames.
@@ -242,7 +176,7 @@ impl Trials<'_> {
     /// Frames that make no joint.
     pub fn spec_at(&self, z: &DVector<f64>, source: Option<usize>) -> Result<ModelSpec, SimError> {
         let knee = self.knee(self.values(z).into_iter().map(|v| v.0).collect())?;
-        let (model, terms) = (knee.models.of(source), terms_of(&knee.terms, source));
+        let (model, terms) = (knee.models.of(source), of_frames(&knee.terms, source));
         let mut out = self.spec.clone();
         out.frames = corrected(&self.spec.frames, self.spec.side, terms)?;
         for (b, p) in out.bundles.iter_mut().zip(model.parameters()) {
@@ -302,7 +236,7 @@ impl Trials<'_> {
             for (i, answer) in of.into_iter().zip(solve_trials(model, &trials, self.options)) {
                 found[i] = answer.ok().map(|a| Start {
                     q: a.state.q,
-                    pressed: pressed(&a.evaluation.contact.wrench),
+                    pressed: pressed(&a.evaluation),
                     near: Nearby::default(),
                 });
             }
@@ -310,8 +244,13 @@ impl Trials<'_> {
         found.into_iter().collect()
     }
 
-    /// An answer from coordinates close by.
-    fn answer(&self, knee: &Knee, trial: &Trial, start: Start) -> Result<(Answer, Jacobian), SimError> {
+    /// An answer from coordinates close by, with its derivatives; `steps` are those of the frames of all, then of each data set.
+    fn answer(
+        &self,
+        (knee, steps): (&Knee, &[FrameSteps]),
+        trial: &Trial,
+        start: Start,
+    ) -> Result<(Answer, Jacobian), SimError> {
         let model = &*knee.of(trial).0.pulled(trial.record.quadriceps_n)?;
         let lean = self.lean(&knee.values, trial.record.fe_deg);
         let goal = Goal {
@@ -332,7 +271,7 @@ impl Trials<'_> {
             flags: vec![],
             evaluations: solved.evaluations,
         };
-        self.with_jacobian(knee, model, trial, found, &mut near)
+        self.with_jacobian((model, &knee.values), (trial, of_frames(steps, trial.source)), found, &near)
     }
 
     /// Where an answer is sought from: the other point's answer moved by what its derivatives say, in the frames of this point.
@@ -435,11 +374,6 @@ fn model_at(
     Ok(model)
 }
 
-/// Size of the contact force [N], over all pairs.
-fn pressed(wrench: &[(meshes::Vector, meshes::Vector)]) -> f64 {
-    wrench.iter().map(|w| w.0).sum::<meshes::Vector>().norm()
-}
-
 impl Forward for Trials<'_> {
     type State = Answers;
 
@@ -465,11 +399,12 @@ impl Forward for Trials<'_> {
             }
             None => self.restarted_from_afar(&knee)?,
         };
+        let steps = self.steps(&knee);
         let found: Vec<(Answer, Jacobian)> = self
             .trials
             .par_iter()
             .zip(starts)
-            .map(|(t, start)| self.answer(&knee, t, start).ok())
+            .map(|(t, start)| self.answer((&knee, &steps), t, start).ok())
             .collect::<Option<_>>()?;
         Some(self.point(found, &values))
     }

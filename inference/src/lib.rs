@@ -29,6 +29,7 @@
 mod box_step;
 pub mod error;
 pub mod frames;
+pub mod jacobian;
 pub mod knee;
 pub mod lacking;
 pub mod least_squares;
@@ -37,6 +38,7 @@ pub mod next_test;
 pub mod noise;
 pub mod parameter;
 pub mod posterior;
+pub mod quantity;
 pub mod random;
 pub mod shift;
 pub mod temper;

@@ -1,5 +1,7 @@
 //! What was measured and how it scatters: noise as stated times a scale that is inferred, outliers, and scatter that readings share.
 
+pub mod contrasts;
+
 use crate::error::InferenceError;
 use crate::least_squares::Quadratic;
 use crate::linear::{Linear, Shift};

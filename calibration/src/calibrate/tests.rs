@@ -190,17 +190,14 @@ fn derivatives_of_residuals_and_beliefs_by_unit_coordinates_are_those_of_their_v
     let bundles = ["A".to_owned(), "B".to_owned()];
     let problem = Problem::new((experiment, experiment), &b.targets, cost, &bundles, &o).unwrap();
     let (unit, scale, step) = (vec![0.4; b.design.len()], Free::all(2.0), 1e-5);
-    // a trial's residuals, then its belief; the priors' rows come last
+    // residuals, then beliefs; the priors' rows come last
     let rows = |unit: &[f64]| -> Vec<f64> {
         let answers = experiment.answers(&b.design.at(unit), false);
         let predicted: Vec<Option<Free<f64>>> = answers.iter().map(|a| Some(a.as_ref().unwrap().predicted)).collect();
         let z = problem.standardised(&predicted);
-        let of = |(i, z): (usize, &Free<Option<f64>>)| {
-            let force = answers[i].as_ref().unwrap().forces_n[0];
-            let residuals: Vec<f64> = z.iter().flatten().map(|z| z / 2.0).collect();
-            [residuals, vec![(force - 20.0) / 7.0]].concat()
-        };
-        z.iter().enumerate().flat_map(of).collect()
+        let residuals: Vec<f64> = z.iter().flat_map(|z| z.iter().flatten()).map(|z| z / 2.0).collect();
+        let beliefs = answers.iter().map(|a| (a.as_ref().unwrap().forces_n[0] - 20.0) / 7.0).collect();
+        [residuals, beliefs].concat()
     };
     let jacobian = problem.jacobian(&unit, &scale).unwrap();
     for k in 0..unit.len() {
@@ -211,4 +208,28 @@ fn derivatives_of_residuals_and_beliefs_by_unit_coordinates_are_those_of_their_v
             assert!((slope - told).abs() < 1e-5 * (1.0 + slope.abs()), "row {i}, variable {k}: {told}, {slope}");
         }
     }
+}
+
+/// Of data that scatter by as much as stated, by four times as much in all, and with one reading far off.
+#[test]
+fn a_recipes_noise_is_what_the_data_scatter_by_and_one_outlier_is_none() {
+    let scale = |noise: f64, jump: f64| {
+        let mut b = bench(&truth(3), noise, 3);
+        if let Some(x) = &mut b.targets.trials[2].measured[FREE[3]] {
+            *x += jump;
+        }
+        let o = quick(Method::SwarmSimplex);
+        let simulate = |v: &[f64], _: bool| toy::answers(&b.design, &b.targets.trials, v);
+        let experiment = Experiment { design: &b.design, simulate: &simulate, trials: b.targets.trials.len() };
+        let cost = CostFunction::new(&b.targets.trials, &b.ct, &o.cost).unwrap();
+        let bundles = ["A".to_owned(), "B".to_owned()];
+        let problem = Problem::new((experiment, experiment), &b.targets, cost, &bundles, &o).unwrap();
+        problem.noise_scale(&truth(3)).unwrap()
+    };
+    let (plain, wide, jumped) = (scale(1.0, 0.0), scale(4.0, 0.0), scale(1.0, 40.0));
+    for c in FREE {
+        assert!((1.0..1.3).contains(&plain[c]), "{plain:?}");
+        assert!((2.5..5.5).contains(&wide[c]), "{wide:?}");
+    }
+    assert!(jumped[FREE[3]] < 1.5, "{jumped:?}");
 }

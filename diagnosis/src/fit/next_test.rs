@@ -157,13 +157,13 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
     let effects = effects_in(problem, (&fit.hypothesis, &fit.unknowns), &plans);
     let bench = |i: usize| Bench { model: models.of(plans[i].source), effects: &effects[i], place: &problem.place };
     let rests = walked(&plans, bench);
-    Ok(plans
+    plans
         .par_iter()
         .zip(&rests)
         .enumerate()
         .map(|(i, (plan, rest))| {
             let jacobian = Jacobian::new(bench(i), plan, rest);
-            let mut columns = jacobian.nuisances(&problem.nuisance, &fit.unknowns, &joints);
+            let mut columns = jacobian.nuisances(&problem.nuisance, &fit.unknowns, &joints)?;
             let mut at = problem.nuisances();
             for c in &fit.hypothesis {
                 let scaled = &fit.unknowns[at..at + c.size()];
@@ -171,9 +171,9 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
                 columns.extend(jacobian.candidate(c, scaled, problem.acts(c.scope, plan.source)));
             }
             let j = DMatrix::from_fn(FREE.len(), columns.len(), |r, c| columns[c].0[r]);
-            (DVector::from_row_slice(&reading(rest).0), &j * &fit.posterior * j.transpose())
+            Ok((DVector::from_row_slice(&reading(rest).0), &j * &fit.posterior * j.transpose()))
         })
-        .collect())
+        .collect()
 }
 
 /// Predictions of a fit from draws of its unknowns, each led the whole way; a draw that finds no rest tells what it would read there all the same.

@@ -1,13 +1,20 @@
-//! Derivatives of a trial's reading at its rest.
+//! The knee of a diagnosis as it gives way: under effects, read with their errors, beside an unloaded pose that effects depart from.
+//!
+//! What a parameter of the knee puts out of balance is said in [`inference::jacobian`], as for a calibration. Here are how a trial's reading answers, and
+//! the derivatives by what a calibration does not have: effects, and what scatters.
 
 use crate::effect::Active;
 use crate::effect::bench::Bench;
 use crate::effect::candidate::Candidate;
-use crate::problem::nuisance::{Felt, FrameSteps, Nuisances, frame_change, wrench};
+use crate::problem::nuisance::Nuisances;
 use crate::problem::trial::PER_UNIT;
+use inference::frames::{FrameChange, FrameSteps};
+use inference::jacobian::{Rest, columns};
+use inference::knee::Quantity;
 use inference::trial::Trial;
 use nalgebra::{Matrix6, Vector3};
 use sim::Model;
+use sim::SimError;
 use sim::contact::Nearby;
 use sim::coordinate::{FE, Free, SI, Six};
 use sim::equilibrium::{Equilibrium, Start};
@@ -25,6 +32,8 @@ pub struct Jacobian<'a> {
     answer: Option<Matrix6<f64>>,
     /// The model at the rest.
     loaded: At,
+    /// What it bears there, once it was asked.
+    borne: OnceCell<Six>,
     /// The unloaded pose, where an effect departs from it.
     root: Option<Root>,
 }
@@ -79,7 +88,7 @@ impl<'a> Jacobian<'a> {
         let reading = bench.observe_derivative(trial, &rest.q);
         let answer = rest.tangent.try_inverse().map(|inverse| reading * inverse);
         let loaded = At::new(rest.start());
-        Jacobian { bench, trial, rest, answer, loaded, root: Root::new(&bench, trial, rest) }
+        Jacobian { bench, trial, rest, answer, loaded, borne: OnceCell::new(), root: Root::new(&bench, trial, rest) }
     }
 
     /// What the model does at one of its poses, under the quadriceps.
@@ -90,6 +99,12 @@ impl<'a> Jacobian<'a> {
     /// The model at the rest.
     pub fn loaded(&self) -> &Evaluation {
         self.at(&self.loaded)
+    }
+
+    /// The generalised force that the model bears at the rest, without the effects [N mm, N].
+    fn borne(&self) -> &Six {
+        let effects = || self.bench.effects_at(self.trial, &self.trial.load(), &self.rest.q);
+        self.borne.get_or_init(|| self.loaded().gradient - effects())
     }
 
     /// Change of the reading [deg, mm] by changes of the knee itself that put `out_of_balance` what it tells at a pose: under load, and unloaded where an
@@ -105,39 +120,33 @@ impl<'a> Jacobian<'a> {
     }
 
     /// Change of the reading [deg, mm] when the balance changes by `miss` (flexion's row: the read flexion) and the reading itself by `direct`.
+    /// A knee that nothing holds has no tangent, so its readings say nothing of any parameter: 0 for all.
     pub fn by(&self, miss: &Six, direct: &Six) -> Free<f64> {
         let Some(answer) = &self.answer else { return Free::all(0.0) };
         let moved = direct - answer * miss;
         Free::from_fn(|c| moved[c] / PER_UNIT[c])
     }
 
-    /// By the nuisance parameters at some values; `joints` are the steps of the frames of each data set.
-    pub(crate) fn nuisances(&self, of: &Nuisances, unknowns: &[f64], joints: &[FrameSteps]) -> Vec<Free<f64>> {
-        let source = self.trial.source;
+    /// By the nuisance parameters at some values; `joints` are the steps of the frames of each data set, then of all.
+    ///
+    /// Errors: a parameter that is no unknown of a diagnosis.
+    pub(crate) fn nuisances(
+        &self,
+        of: &Nuisances,
+        unknowns: &[f64],
+        joints: &[FrameSteps],
+    ) -> Result<Vec<Free<f64>>, SimError> {
         let values: Vec<(f64, f64)> = unknowns.iter().enumerate().take(of.len()).map(|(k, x)| of.at(k, *x)).collect();
-        let numbers: Vec<Option<(Vec<Number>, f64)>> =
-            of.list.iter().zip(&values).map(|(p, value)| p.quantity.numbers(value.0)).collect();
-        // what is no number of the model has another column below
-        let one = |at: &At, of: &Option<(Vec<Number>, f64)>| {
-            of.as_ref().map_or_else(Six::zeros, |(n, factor)| self.by_numbers(at, n) * *factor)
-        };
-        let model = self.of_the_knee(|at| numbers.iter().map(|of| one(at, of)).collect());
-        let frames = source.and_then(|s| joints.get(s)).map_or([Free::all(0.0); 12], |steps| self.frames(steps));
-        let by = |(k, felt): (usize, &Felt)| {
-            let column = match felt {
-                Felt::Model => model[k],
-                Felt::Frame(set, term) if set.is_none() || *set == source => frames[*term],
-                // the frames of another data set
-                Felt::Frame(..) => Free::all(0.0),
-            };
-            column.map(|x| x * values[k].1)
-        };
-        of.felt.iter().enumerate().map(by).collect()
+        let asked: Vec<(&Quantity, f64)> =
+            of.list.iter().map(|p| &p.quantity).zip(values.iter().map(|v| v.0)).collect();
+        let steps = &joints[self.trial.source.unwrap_or(joints.len() - 1)];
+        let by = columns(self, (self.trial, steps), &asked)?;
+        Ok(by.into_iter().zip(&values).map(|(column, value)| column.map(|x| x * value.1)).collect())
     }
 
     /// What some numbers of the model, all by one unit, put out of balance at a pose [N mm, N]. What effects take from a bundle its numbers do not move:
     /// a torn ligament's strain, stiffness and sites are felt nowhere. No effect acts on the unloaded knee.
-    fn by_numbers(&self, at: &At, numbers: &[Number]) -> Six {
+    fn by_numbers_at(&self, at: &At, numbers: &[Number]) -> Six {
         let model = self.bench.model;
         let is_loaded = std::ptr::eq(at, &self.loaded);
         let one = |n: &Number| {
@@ -145,23 +154,6 @@ impl<'a> Jacobian<'a> {
             out_of_balance(model, self.at(at), *n).expect("a parameter is of bundles that the model has") * left
         };
         numbers.iter().map(one).sum()
-    }
-
-    /// By turns [deg] and shifts [mm] of the frames: what is read, and the generalised forces of the same wrench, are of other axes then.
-    fn frames(&self, steps: &FrameSteps) -> [Free<f64>; 12] {
-        if steps.iter().all(Option::is_none) {
-            return [Free::all(0.0); 12];
-        }
-        let effects = self.bench.effects_at(self.trial, &self.trial.load(), &self.rest.q);
-        let at = self.loaded();
-        let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial));
-        let wrench = wrench(&at.pose, &(at.gradient - effects));
-        let by = |joints: &[Joint; 2]| {
-            let (direct, mut miss) = frame_change(joints, &at.pose.femur, wrench.as_ref()?, &read)?;
-            miss[FE] = direct[FE];
-            Some(self.by(&miss, &direct))
-        };
-        std::array::from_fn(|t| steps[t].as_ref().and_then(by).unwrap_or(Free::all(0.0)))
     }
 
     /// By the model's own contact in place of the second; nothing where there is none.
@@ -191,7 +183,7 @@ impl<'a> Jacobian<'a> {
         let ends = [End::Femur, End::Tibia].into_iter().flat_map(|end| (0..3).map(move |axis| (end, axis)));
         let of = |fibre: usize| ends.clone().map(move |(end, axis)| Number::Attachment(fibre, end, axis));
         let all: Vec<Number> = (0..self.bench.model.fibres.len()).flat_map(of).collect();
-        self.of_the_knee(|at| all.iter().map(|n| self.by_numbers(at, &[*n])).collect())
+        self.of_the_knee(|at| all.iter().map(|n| self.by_numbers_at(at, &[*n])).collect())
     }
 
     /// By the scaled parameters of a candidate at `scaled`; zero where it does not act.
@@ -228,6 +220,42 @@ impl<'a> Jacobian<'a> {
                 }
             })
             .collect()
+    }
+}
+
+impl Rest for Jacobian<'_> {
+    type Column = Free<f64>;
+
+    fn still(&self) -> Free<f64> {
+        Free::all(0.0)
+    }
+
+    fn by_numbers(&self, of: &[(Vec<Number>, f64)]) -> Result<Vec<Free<f64>>, SimError> {
+        Ok(self
+            .of_the_knee(|at| of.iter().map(|(numbers, factor)| self.by_numbers_at(at, numbers) * *factor).collect()))
+    }
+
+    fn by_force(&self, force: &Six) -> Free<f64> {
+        self.by(&balanced(-force), &Six::zeros())
+    }
+
+    /// What is read, and the generalised forces of the same wrench, are of other axes then.
+    fn by_frame(&self, steps: &[Joint; 2]) -> Result<Free<f64>, SimError> {
+        let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial));
+        let change = FrameChange::of(steps, &self.loaded().pose, self.borne(), &read);
+        // a pose that the chain does not reach is out of the joint: what is read there says nothing of frames
+        Ok(change.map_or(self.still(), |FrameChange { read, mut force, .. }| {
+            force[FE] = read[FE];
+            self.by(&force, &read)
+        }))
+    }
+
+    fn evaluation(&self) -> &Evaluation {
+        self.loaded()
+    }
+
+    fn by_thickness(&self) -> Result<Six, SimError> {
+        Err(SimError::Input("a diagnosis has the thickness of cartilage in its scatter, not among its unknowns".into()))
     }
 }
 

@@ -9,13 +9,10 @@ use crate::effect::belongs;
 use crate::error::DiagnosisError;
 use calibration::design::{Design, Kind, Variable};
 use calibration::options::CalibrateOptions;
-use inference::frames::{STEP, Terms, corrected};
+use inference::frames::{FrameSteps, Terms, corrected, frame_steps};
 use inference::knee::{Models, Quantity, models_at};
 use inference::parameter::{Parameter, Prior};
-use nalgebra::{Matrix6, Vector3};
 use sim::Model;
-use sim::coordinate::Six;
-use sim::joint::Joint;
 use sim::spec::{FramesSpec, ModelSpec};
 use sim::uncertainty::FrameUncertainty;
 use std::collections::BTreeMap;
@@ -30,8 +27,6 @@ const LEAST_SITE_MM: f64 = 0.5;
 pub struct Nuisances {
     /// What they are, with their priors.
     pub list: Vec<Parameter<Quantity>>,
-    /// What each of them moves.
-    pub(crate) felt: Vec<Felt>,
     /// Mean of each unknown's prior, from where the model stands [-]; the standard deviation is 1.
     pub mean: Vec<f64>,
     /// Where the model stands that was handed in, before the question was moved: its unknowns [-].
@@ -41,29 +36,18 @@ pub struct Nuisances {
     is_built: bool,
 }
 
-/// What a parameter of the knee moves in a trial: those kinds whose derivatives a diagnosis has ([`crate::problem::jacobian`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Felt {
-    /// Numbers of the model.
-    Model,
-    /// A turn or shift of a frame: of one data set, or of all.
-    Frame(Option<usize>, usize),
-}
-
-impl Felt {
-    /// Of a quantity; none of those that a diagnosis has no derivative of. A parameter of those kinds is never an unknown here, so that none has a
-    /// derivative of zero in silence.
-    fn of(quantity: &Quantity) -> Option<Felt> {
-        match quantity {
-            Quantity::ReferenceStrain(_) | Quantity::Stiffness(_) | Quantity::ContactScale | Quantity::Site(..) => {
-                Some(Felt::Model)
-            }
-            Quantity::Frame(source, term) => Some(Felt::Frame(*source, *term)),
-            // in the scatter (crate::problem::covariance)
-            Quantity::Cartilage | Quantity::Lean(..) => None,
-            // of data sets of displacements, which a diagnosis leaves out
-            Quantity::Compliance(..) | Quantity::Resting(..) => None,
-        }
+/// Whether a quantity is an unknown of a diagnosis.
+fn is_unknown(quantity: &Quantity) -> bool {
+    match quantity {
+        Quantity::ReferenceStrain(_)
+        | Quantity::Stiffness(_)
+        | Quantity::ContactScale
+        | Quantity::Site(..)
+        | Quantity::Frame(..) => true,
+        // in the scatter (crate::problem::covariance)
+        Quantity::Cartilage | Quantity::Lean(..) => false,
+        // of data sets of displacements, which a diagnosis leaves out
+        Quantity::Compliance(..) | Quantity::Resting(..) => false,
     }
 }
 
@@ -71,15 +55,15 @@ impl Nuisances {
     /// Of a model and its specification, measured in some data sets; the priors of a built knee are those of its calibration.
     pub fn new(spec: &ModelSpec, design: &Design, sources: &[String], calibrate: &CalibrateOptions) -> Nuisances {
         let is_built = is_built(spec);
-        let all = if is_built { of_a_built_knee(spec, design, sources, calibrate) } else { of_a_deck(spec, design) };
-        let felt = |p: Parameter<Quantity>| Felt::of(&p.quantity).map(|felt| (p, felt));
-        let (list, felt): (Vec<_>, Vec<_>) = all.into_iter().filter_map(felt).unzip();
+        let mut list =
+            if is_built { of_a_built_knee(spec, design, sources, calibrate) } else { of_a_deck(spec, design) };
+        list.retain(|p| is_unknown(&p.quantity));
         // from where the model as given stands, whose ligaments may lie anywhere in their priors
         let values = design.values(spec);
         let base = |(k, p): (usize, &Parameter<Quantity>)| values.get(k).map_or(0.0, |x| p.prior.z_of(*x));
         let mean = list.iter().enumerate().map(|p| -base(p)).collect();
         let given = vec![0.0; list.len()];
-        Nuisances { list, felt, mean, given, spec: spec.clone(), is_built }
+        Nuisances { list, mean, given, spec: spec.clone(), is_built }
     }
 
     /// Number of parameters.
@@ -178,17 +162,7 @@ impl Nuisances {
     /// Steps of the frames of each data set, then of all, about some values.
     pub(crate) fn joints(&self, unknowns: &[f64], sources: usize) -> Vec<FrameSteps> {
         let is_asked = |t: usize| self.list.iter().any(|p| matches!(p.quantity, Quantity::Frame(_, term) if term == t));
-        let of = |source: Option<usize>| -> FrameSteps {
-            let here = self.terms(unknowns, source);
-            std::array::from_fn(|t| {
-                let at = |by: f64| {
-                    let mut terms = here;
-                    terms[t] += by;
-                    Joint::new(&corrected(&self.spec.frames, self.spec.side, &terms).ok()?, self.spec.side).ok()
-                };
-                if is_asked(t) { Some([at(STEP)?, at(-STEP)?]) } else { None }
-            })
-        };
+        let of = |source| frame_steps(&self.spec.frames, self.spec.side, &self.terms(unknowns, source), is_asked);
         (0..sources).map(Some).chain([None]).map(of).collect()
     }
 }
@@ -235,37 +209,9 @@ fn of_a_deck(spec: &ModelSpec, design: &Design) -> Vec<Parameter<Quantity>> {
 /// A stiffness of nothing has no logarithm [N/mm].
 const LEAST_STIFFNESS: f64 = 1e-3;
 
-/// For each turn and shift that is unknown, the joint with the frame moved a little forward and back.
-pub(crate) type FrameSteps = [Option<[Joint; 2]>; 12];
-
 /// Whether a model is of a knee built from raw data: its frames are uncertain.
 pub fn is_built(spec: &ModelSpec) -> bool {
     let of = |f: &FrameUncertainty| f.turn_deg.iter().chain(&f.shift_mm).any(|x| *x > 0.0);
     let stated = spec.uncertainty.as_ref().is_some_and(|u| of(&u.frames.femur) || of(&u.frames.tibia));
     stated && spec.frames.chain.is_none()
-}
-
-/// What a step of a frame changes at one pose of the femur, per degree or millimetre: the reading (Grood-Suntay coordinates [rad, mm]) and the generalised
-/// force of a wrench.
-pub(crate) fn frame_change(
-    joints: &[Joint; 2],
-    femur: &meshes::Isometry,
-    wrench: &[Vector3<f64>; 2],
-    read: &dyn Fn(&Six) -> Six,
-) -> Option<(Six, Six)> {
-    let at = |joint: &Joint| {
-        let gs = joint.grood_suntay_of(femur);
-        let pose = joint.pose(&joint.coordinates(&gs).ok()?);
-        let force = Six::from_fn(|j, _| wrench[0].dot(&pose.screws[j].linear) + wrench[1].dot(&pose.screws[j].angular));
-        Some((read(&gs), force))
-    };
-    let ([up, down], per) = ([at(&joints[0])?, at(&joints[1])?], 1.0 / (2.0 * STEP));
-    Some(((up.0 - down.0) * per, (up.1 - down.1) * per))
-}
-
-/// Force and moment about the CT's origin whose generalised force is `force` at a pose.
-pub(crate) fn wrench(pose: &sim::joint::Pose, force: &Six) -> Option<[Vector3<f64>; 2]> {
-    let rows = Matrix6::from_fn(|j, c| if c < 3 { pose.screws[j].linear[c] } else { pose.screws[j].angular[c - 3] });
-    let w = rows.try_inverse()? * force;
-    Some([Vector3::new(w[0], w[1], w[2]), Vector3::new(w[3], w[4], w[5])])
 }

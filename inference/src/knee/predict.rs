@@ -1,6 +1,7 @@
 //! What a knee known by samples does in trials that nobody measured: equilibria at every sample, found from those of a point close by.
 
-use super::{Answers, Knee, Trials, pressed};
+use super::{Answers, Knee, Trials};
+use crate::jacobian::pressed;
 use crate::trial::Trial;
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -58,7 +59,7 @@ impl Trials<'_> {
     /// The answer along the path of a trial's loading, as coordinates and contact force.
     fn along_the_path(&self, knee: &Knee, trial: &Trial) -> Result<(Six, f64), SimError> {
         let found = solve_trial(knee.of(trial).0, &self.bearing(&knee.values, trial), self.options)?;
-        Ok((found.state.q, pressed(&found.evaluation.contact.wrench)))
+        Ok((found.state.q, pressed(&found.evaluation)))
     }
 
     /// A trial's equilibrium from coordinates close by. The lean of the bearing surface turns a part of the contact force, which is `force` at first and
@@ -80,7 +81,7 @@ impl Trials<'_> {
         if lean != Six::zeros() {
             for _ in 0..LEAN_ROUNDS {
                 let solved = close(model, start, &goal(force), &self.options.solver, &mut near)?;
-                (start, force) = (solved.state.q, pressed(&solved.evaluation.contact.wrench));
+                (start, force) = (solved.state.q, pressed(&solved.evaluation));
             }
         }
         let solved = increment_near(model, &State::at(start), &goal(force), &self.options.solver, true, &mut near)?;
