@@ -1,12 +1,14 @@
 //! A prior that knees share, shown by simulation: made knees of one population, measured by numbers, calibrated each alone and again with what
 //! the others say.
 //!
-//! `shared MODEL.json DATA.csv... [--knees N] [--rho R] [--seed S] [--spacing MM] [--shipped]`: DATA are data sets whose loads and coordinates
-//! are asked; what was measured in them is not read. The numbers that knees share have a mean in common, of variance `R` in that of their
-//! priors, and each knee's own deviation from it; all others are each knee's own. Beliefs about forces are heard, by slices of the model itself
-//! [murray2010]. Readings scatter as the likelihood says, and are the same in both calibrations. `--spacing`: contact nodes nearer than this are
-//! merged: coarser is quicker. `--shipped`: readings count as in a build (tempered), else as their scatter says. With `--rho 0` nothing is in
-//! common: what others say must do no harm.
+//! `shared MODEL.json DATA.csv... [--knees N] [--rho R] [--seed S] [--samples N] [--spacing MM] [--shipped] [--oracle]`: DATA are data sets whose
+//! loads and coordinates are asked; what was measured in them is not read. The numbers that knees share have a mean in common, of variance `R` in
+//! that of their priors, and each knee's own deviation from it; all others are each knee's own. Beliefs about forces are heard, by slices of the
+//! model itself [murray2010]. Readings scatter as the likelihood says, and are the same in every calibration. `--samples`: of each posterior; a
+//! build's number unless given, and 192 for what is published. `--spacing`: contact nodes nearer than this are merged: coarser is quicker.
+//! `--shipped`: readings count as in a build (tempered), else as their scatter says. With `--rho 0` nothing is in common: what others say must do
+//! no harm. `--oracle`: each knee is also calibrated with the population's true mean and variance as prior. No estimate by other knees can be
+//! expected to do better, so its ratio bounds what sharing can give.
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
 
@@ -20,7 +22,7 @@ use calibration::inferred::{Posed, Question, drawer_names};
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
 use calibration::posterior::{ends, mean};
-use calibration::shared::{Shared, SharedPrior, Sort};
+use calibration::shared::{SCHEMA, Shared, SharedNumber, SharedPrior, Sort};
 use calibration::targets::Targets;
 use inference::knee::{Answers, Trials};
 use inference::noise::Likelihood;
@@ -34,7 +36,7 @@ use rayon::prelude::*;
 const INTERVAL: f64 = 0.9;
 /// A force below this is that of a slack ligament, and is not judged [N].
 const LEAST_N: f64 = 5.0;
-/// Knees are drawn again this often, for intervals of what is told [-].
+/// Knees are drawn again this often, for intervals of what is printed [-].
 const DRAWN_AGAIN: usize = 4000;
 /// Streams of random numbers: the population, noise, knees drawn again.
 const STREAMS: [u64; 3] = [8_000_000, 6_000_000, 8_500_000];
@@ -47,8 +49,10 @@ struct Arguments {
     knees: usize,
     rho: f64,
     seed: u64,
+    samples: Option<usize>,
     spacing_mm: Option<f64>,
     shipped: bool,
+    oracle: bool,
 }
 
 fn arguments() -> Arguments {
@@ -58,10 +62,15 @@ fn arguments() -> Arguments {
     let (knees, seed) = (knees.map_or(30, |t| t.parse().unwrap()), seed.map_or(1, |t| t.parse().unwrap()));
     let rho = option("--rho").map_or(0.5, |t| t.parse().unwrap());
     let spacing_mm = option("--spacing").map(|t| t.parse().unwrap());
-    let shipped = all.iter().any(|a| a == "--shipped");
-    all.retain(|a| a != "--shipped");
+    let samples = option("--samples").map(|t| t.parse().unwrap());
+    let mut flag = |name: &str| {
+        let count = all.len();
+        all.retain(|a| a != name);
+        all.len() < count
+    };
+    let (shipped, oracle) = (flag("--shipped"), flag("--oracle"));
     let model = all.remove(0);
-    Arguments { model, data: all, knees, rho, seed, spacing_mm, shipped }
+    Arguments { model, data: all, knees, rho, seed, samples, spacing_mm, shipped, oracle }
 }
 
 /// What a knee is asked with.
@@ -167,7 +176,7 @@ fn judged(truth: &Sums, found: &Calibrated) -> Judged {
                 out[part][0] += (value - t).powi(2);
                 out[part][1] += 1.0;
             }
-            // a slack ligament that is told to be slack holds
+            // a slack ligament whose interval says slack holds
             if t.max(high) > LEAST_N {
                 out[part][2] += f64::from(u8::from(low - 1e-9 <= *t && *t <= high + 1e-9));
                 out[part][3] += 1.0;
@@ -177,14 +186,17 @@ fn judged(truth: &Sums, found: &Calibrated) -> Judged {
     out
 }
 
+/// Ways in which each knee is calibrated. The last is there with `--oracle` alone.
+const WAYS: [&str; 3] = ["alone", "what the others say", "the population's own"];
+
 /// Root mean squared error and share of intervals that hold, over knees by their places.
-fn over(knees: &[[Judged; 2]], places: &[usize], (way, part): (usize, usize)) -> [f64; 2] {
+fn over(knees: &[Vec<Judged>], places: &[usize], (way, part): (usize, usize)) -> [f64; 2] {
     let sum = |k: usize| places.iter().map(|i| knees[*i][way][part][k]).sum::<f64>();
     [(sum(0) / sum(1)).sqrt(), sum(2) / sum(3)]
 }
 
 /// What came of it, each figure with an interval by drawing knees again.
-fn tell(knees: &[[Judged; 2]], seed: u64) {
+fn tell(knees: &[Vec<Judged>], seed: u64) {
     let own: Vec<usize> = (0..knees.len()).collect();
     let mut random = stream(seed, STREAMS[2]);
     let mut again =
@@ -195,12 +207,14 @@ fn tell(knees: &[[Judged; 2]], seed: u64) {
         let (low, high) = ends(&all, INTERVAL).unwrap_or((f64::NAN, f64::NAN));
         format!("{:.3} ({low:.3} to {high:.3})", of(&own))
     };
-    println!("| what | error alone, N | shared, N | shared over alone | intervals hold, alone | shared |");
-    println!("|---|---|---|---|---|---|");
+    println!("| what | prior | error, N | error over that alone | intervals hold |");
+    println!("|---|---|---|---|---|");
     for (part, name) in ["groups in drawers", "cruciates in drawers"].into_iter().enumerate() {
-        let figure = |way: usize, k: usize| with(&|d| over(knees, d, (way, part))[k]);
-        let ratio = with(&|d| over(knees, d, (1, part))[0] / over(knees, d, (0, part))[0]);
-        println!("| {name} | {} | {} | {ratio} | {} | {} |", figure(0, 0), figure(1, 0), figure(0, 1), figure(1, 1));
+        for (way, prior) in WAYS.iter().enumerate().take(knees.first().map_or(0, Vec::len)) {
+            let figure = |k: usize| with(&|d| over(knees, d, (way, part))[k]);
+            let ratio = with(&|d| over(knees, d, (way, part))[0] / over(knees, d, (0, part))[0]);
+            println!("| {name} | {prior} | {} | {ratio} | {} |", figure(0), figure(1));
+        }
     }
 }
 
@@ -214,57 +228,98 @@ fn population(posed: &Posed, arguments: &Arguments) -> Population {
     Population { mean: of(&|k| arguments.rho.sqrt() * drawn[k], 0.0), sd: of(&|_| (1.0 - arguments.rho).sqrt(), 1.0) }
 }
 
-/// Each knee alone, then what the others say of it, then each with that. By knee, where both answered.
-fn both(asked: &Asked, knees: &[Made], (options, seed, shipped): (&CalibrateOptions, u64, bool)) -> Vec<[Judged; 2]> {
-    let begun = std::time::Instant::now();
-    let one = |made: &Made, options: &CalibrateOptions| {
-        asked.by(options, |posed| {
+/// The population as a prior: its true mean and standard deviation of each number that knees share.
+fn oracle(posed: &Posed, of: &Population) -> Shared {
+    let shared = posed.parameters.iter().enumerate().filter(|(_, p)| Sort::of(&p.quantity).is_some());
+    let numbers = shared.map(|(k, p)| SharedNumber::of(&p.name, &p.prior, [of.mean[k], of.sd[k]])).collect();
+    Shared { schema: SCHEMA.to_owned(), knee: None, from: vec!["the population".to_owned()], file: None, numbers }
+}
+
+/// How made knees are calibrated.
+struct Way<'a> {
+    asked: &'a Asked<'a>,
+    options: &'a CalibrateOptions,
+    seed: u64,
+    shipped: bool,
+    begun: std::time::Instant,
+}
+
+impl Way<'_> {
+    /// A knee with a prior in place of its own, where one is given.
+    fn one(&self, made: &Made, prior: Option<Shared>) -> Option<Calibrated> {
+        let shared_prior = prior.map(|prior| SharedPrior::Read(Box::new(prior)));
+        let options = CalibrateOptions { shared_prior, ..self.options.clone() };
+        self.asked.by(&options, |posed| {
             let mut likelihood = posed.likelihood();
             likelihood.measured.clone_from(&made.measured);
-            if !shipped {
+            if !self.shipped {
                 likelihood.temper = 1.0;
             }
-            calibrated(posed, &mut likelihood, (options, seed + made.number))
+            calibrated(posed, &mut likelihood, (&options, self.seed + made.number))
         })
-    };
-    let alone: Vec<Option<(Calibrated, Evidence)>> = knees
-        .iter()
-        .map(|made| {
-            let found = one(made, options)?;
-            let evidence = asked.by(options, |posed| {
-                let before = before(posed, (options, seed + made.number))?;
-                Some(Evidence::between(made.number.to_string(), &posed.parameters, (&found.z, &before)))
-            })?;
-            println!(
-                "knee {} alone: {} numbers informed, {:.0} s",
-                made.number,
-                evidence.informed(),
-                begun.elapsed().as_secs_f64()
-            );
-            Some((found, evidence))
-        })
-        .collect();
-    let evidence: Vec<Evidence> = alone.iter().flatten().map(|a| a.1.clone()).collect();
-    let found = priors(&evidence);
+    }
+
+    /// A knee alone, and what its data say.
+    fn alone(&self, made: &Made) -> Option<(Calibrated, Evidence)> {
+        let found = self.one(made, None)?;
+        let evidence = self.asked.by(self.options, |posed| {
+            let before = before(posed, (self.options, self.seed + made.number))?;
+            Some(Evidence::between(made.number.to_string(), &posed.parameters, (&found.z, &before)))
+        })?;
+        self.tell(&format!("knee {} alone: {} numbers informed", made.number, evidence.informed()));
+        Some((found, evidence))
+    }
+
+    fn tell(&self, what: &str) {
+        println!("{what}, {:.0} s", self.begun.elapsed().as_secs_f64());
+    }
+}
+
+/// What the others say of each knee: a prior of each, in their order.
+fn said(evidence: &[Evidence]) -> Vec<Shared> {
+    let found = priors(evidence);
     let (shares, all) = (found.shares[evidence.len()], &found.informed[evidence.len()]);
     let told: Vec<String> = Sort::ALL.map(|s| format!("{} {:.2}", s.name(), shares[s.place()])).into();
     println!("in common: {}; knees that say anything of each number: {all:?}", told.join(", "));
-    let of = |knee: &str| found.priors.iter().find(|p: &&Shared| p.knee.as_deref() == Some(knee)).cloned();
-    let shared = |(made, alone): (&Made, &Option<(Calibrated, Evidence)>)| {
+    found.priors
+}
+
+/// How far what the others say lies from the truth of the population: each number's mean and standard deviation, told and true.
+fn tell_means(told: Option<&Shared>, truth: &Shared) {
+    println!("| number | mean, told | true | sd, told | true |\n|---|---|---|---|---|");
+    for n in &truth.numbers {
+        let own = told.and_then(|t| t.numbers.iter().find(|m| m.name == n.name));
+        // nobody says anything: the number keeps its prior
+        let [mean, sd] = own.map_or([0.0, 1.0], |m| [m.mean, m.sd]);
+        println!("| {} | {mean:.2} | {:.2} | {sd:.2} | {:.2} |", n.name, n.mean, n.sd);
+    }
+}
+
+/// Each knee alone, then with what the others say, then, where it is given, with the population's own prior. By knee, where all answered.
+fn each_way(way: &Way, knees: &[Made], truth: &Shared, with_truth: bool) -> Vec<Vec<Judged>> {
+    let alone: Vec<_> = knees.iter().map(|made| way.alone(made)).collect();
+    let evidence: Vec<Evidence> = alone.iter().flatten().map(|a| a.1.clone()).collect();
+    let priors = said(&evidence);
+    tell_means(priors.last(), truth);
+    let of = |knee: &str| priors.iter().find(|p| p.knee.as_deref() == Some(knee)).cloned();
+    let judge = |(made, alone): (&Made, &Option<(Calibrated, Evidence)>)| {
         let (alone, evidence) = alone.as_ref()?;
-        let prior = of(&evidence.knee)?;
-        let options = CalibrateOptions { shared_prior: Some(SharedPrior::Read(Box::new(prior))), ..options.clone() };
-        let found = one(made, &options)?;
-        println!("knee {} shared, {:.0} s", made.number, begun.elapsed().as_secs_f64());
-        Some([judged(&made.truth, alone), judged(&made.truth, &found)])
+        let found = way.one(made, Some(of(&evidence.knee)?))?;
+        let mut out = vec![judged(&made.truth, alone), judged(&made.truth, &found)];
+        if with_truth {
+            out.push(judged(&made.truth, &way.one(made, Some(truth.clone()))?));
+        }
+        way.tell(&format!("knee {} with a prior of others", made.number));
+        Some(out)
     };
-    knees.iter().zip(&alone).filter_map(shared).collect()
+    knees.iter().zip(&alone).filter_map(judge).collect()
 }
 
 fn main() {
     let arguments = arguments();
     let mut options = CalibrateOptions::default();
     options.search.contact_spacing_mm = arguments.spacing_mm.unwrap_or(options.search.contact_spacing_mm);
+    options.inference.samples = arguments.samples.unwrap_or(options.inference.samples);
     let knee = made::knee(&arguments.model, (0.0, 0.0), &options);
     let of = |(k, file): (usize, &String)| {
         (format!("set{}", k + 1), made::targets_of(&knee.spec, &made::laxity(file), &options))
@@ -274,19 +329,19 @@ fn main() {
     let measured_all: Vec<_> = sources.iter().flat_map(|s| s.1.trials.clone()).collect();
     let cost = CostFunction::new(&measured_all, &knee.spec.frames.gs_ct_pose, &options.cost).unwrap();
     let asked = Asked { knee: &knee, design: &design, sources: &sources, cost: &cost };
-    let knees: Vec<Made> = asked.by(&options, |posed| {
-        let truths = made::truths_of(posed, (arguments.seed, arguments.knees), &population(posed, &arguments));
+    let (knees, truth) = asked.by(&options, |posed| {
+        let population = population(posed, &arguments);
+        let truths = made::truths_of(posed, (arguments.seed, arguments.knees), &population);
         let wanted: Vec<(usize, DVector<f64>)> = truths.into_iter().take(arguments.knees).enumerate().collect();
-        wanted.par_iter().filter_map(|(n, z)| measured(posed, z, (arguments.seed, *n as u64))).collect()
+        let made = wanted.par_iter().filter_map(|(n, z)| measured(posed, z, (arguments.seed, *n as u64)));
+        (made.collect::<Vec<Made>>(), oracle(posed, &population))
     });
-    println!("{} knees made; rho {}, seed {}", knees.len(), arguments.rho, arguments.seed);
-    let judged = both(&asked, &knees, (&options, 1000 * arguments.seed, arguments.shipped));
-    println!(
-        "{} of {} knees answered both times; rho {}, seed {}",
-        judged.len(),
-        arguments.knees,
-        arguments.rho,
-        arguments.seed
-    );
+    let told = format!("rho {}, seed {}, {} samples", arguments.rho, arguments.seed, options.inference.samples);
+    println!("{} knees made; {told}", knees.len());
+    let begun = std::time::Instant::now();
+    let (seed, shipped) = (1000 * arguments.seed, arguments.shipped);
+    let way = Way { asked: &asked, options: &options, seed, shipped, begun };
+    let judged = each_way(&way, &knees, &truth, arguments.oracle);
+    println!("{} of {} knees answered every time; {told}", judged.len(), arguments.knees);
     tell(&judged, arguments.seed);
 }

@@ -27,6 +27,9 @@ struct Moments {
     count: usize,
 }
 
+/// Least share of a number's variance that is removed by what says anything of it [-]: its standard deviation is narrower by 1 %. Ours: less is chance.
+const LEAST_REMOVED: f64 = 0.02;
+
 /// Least ratio of variances that samples are believed to tell [-]; ours: a standard deviation a hundred times as narrow as before.
 const LEAST_RATIO: f64 = 1e-4;
 
@@ -36,14 +39,16 @@ impl Message {
         Message { precision: DMatrix::zeros(n, n), shift: DVector::zeros(n) }
     }
 
-    /// Whether it says nothing of the number at a place.
-    pub fn is_silent(&self, k: usize) -> bool {
-        self.precision.row(k).iter().all(|x| *x == 0.0)
+    /// Whether it says anything of each number: whether that varies less by it, from one standard normal and beside the others.
+    pub fn says(&self) -> Vec<bool> {
+        let n = self.shift.len();
+        let left = (DMatrix::identity(n, n) + &self.precision).try_inverse();
+        (0..n).map(|k| left.as_ref().is_some_and(|left| 1.0 - left[(k, k)] > LEAST_REMOVED)).collect()
     }
 
     /// Whether it says nothing.
     pub fn says_nothing(&self) -> bool {
-        (0..self.shift.len()).all(|k| self.is_silent(k))
+        self.precision.iter().all(|x| *x == 0.0)
     }
 }
 
@@ -51,6 +56,21 @@ impl Measured {
     /// From samples after a measurement and before it; `None` of fewer than two of either.
     pub fn of(after: &[DVector<f64>], before: &[DVector<f64>]) -> Option<Measured> {
         Some(Measured { after: Moments::of(after)?, before: Moments::of(before)? })
+    }
+
+    /// The same of some of its numbers, by their places.
+    pub fn some(&self, places: &[usize]) -> Measured {
+        let of = |m: &Moments| Moments {
+            mean: m.mean.select_rows(places),
+            covariance: m.covariance.select_rows(places).select_columns(places),
+            count: m.count,
+        };
+        Measured { after: of(&self.after), before: of(&self.before) }
+    }
+
+    /// How many samples more than one there are, after the measurement and before it.
+    pub(crate) fn freedom(&self) -> [f64; 2] {
+        [&self.after, &self.before].map(|m| m.count as f64 - 1.0)
     }
 
     /// What its data say, by its own samples alone.
@@ -188,7 +208,7 @@ impl Directions {
 
 /// By how much a ratio of variances is counted as larger [-]: one over the least ratio of two covariances of `n` numbers that are alike, each
 /// with so many numbers to go by, as these grow together [wachter1980]. `None` of too few.
-fn inflation(n: usize, freedom: [f64; 2]) -> Option<f64> {
+pub(crate) fn inflation(n: usize, freedom: [f64; 2]) -> Option<f64> {
     let [y, x] = freedom.map(|f| n as f64 / f);
     let apt = n > 0 && y < 1.0 && x < 1.0;
     apt.then(|| ((1.0 - x) / (1.0 - (x + y - x * y).sqrt())).powi(2))
