@@ -104,6 +104,13 @@ fn controls(
     cleared: &mut [bool; 2],
 ) -> Result<(), DeckError> {
     let kind = if block.keyword == "CONNECTOR MOTION" { ControlKind::Motion } else { ControlKind::Load };
+    if let Some(rate) = block.option("TYPE").filter(|kind| kind != "displacement") {
+        let what = format!(
+            "TYPE={} is not read: a rate would be taken for a place; expected TYPE=DISPLACEMENT, with the integral of the rate over time as the amplitude",
+            rate.to_uppercase()
+        );
+        return Err(deck.error(block, block.line, what));
+    }
     let flag = &mut cleared[usize::from(kind == ControlKind::Load)];
     if block.option("OP").as_deref() == Some("new") && !*flag {
         step.controls.retain(|c| c.kind != kind);
@@ -138,9 +145,7 @@ fn controls(
         let turns = matches!(coordinate, ChainCoordinate::Ie | ChainCoordinate::Vv | ChainCoordinate::Fe);
         let factors = amplitude.iter().flat_map(|a| &a.points).map(|p| p[1].abs());
         let most = magnitude.abs() * factors.reduce(f64::max).unwrap_or(1.0);
-        // a speed has no such limit
-        let is_place = block.option("TYPE").is_none_or(|t| t == "displacement");
-        if turns && is_place && kind == ControlKind::Motion && most > MOST_TURN {
+        if turns && kind == ControlKind::Motion && most > MOST_TURN {
             let what = format!("a motion turns by {most} rad; expected {MOST_TURN} at most: is it in degrees?");
             return Err(deck.error(block, line, what));
         }

@@ -137,9 +137,12 @@ pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), Build
             ),
         ));
     }
-    let toml = read_text(&folder.join("specimen.toml"))?;
+    let refuse = |e: stages::StageError| BuildError::of_stage("ingest", &e);
+    let toml = stages::ingest::specimen_text(&read(&folder.join("specimen.toml"))?).map_err(refuse)?;
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
-    let file = stages::ingest::parse_specimen_file(&toml).map_err(|e| BuildError::of_stage("ingest", &e))?;
+    let file = stages::ingest::parse_specimen_file(&toml).map_err(refuse)?;
+    let is_there = |path: &str| inside(folder, path).is_some_and(|place| place.exists());
+    stages::ingest::check_case(&file, is_there, |path| list(&folder.join(path))).map_err(refuse)?;
     let mut wanted = stages::ingest::paths_of(&file);
     wanted.extend(stages::ingest::OPTIONAL_PATHS.map(String::from));
     while let Some(path) = wanted.pop() {

@@ -335,7 +335,7 @@ fn towards(name: &str, way: &Vector, shaft: &Shaft, options: &FramesOptions) -> 
 }
 
 /// The femoral shaft's direction turned in the coronal plane, its upper end medially.
-fn from_shaft(rough: &RoughAxes, valgus_deg: f64) -> Vector {
+pub(crate) fn from_shaft(rough: &RoughAxes, valgus_deg: f64) -> Vector {
     let shaft = rough.femur_shaft.direction;
     let medial = -(rough.lateral - shaft * rough.lateral.dot(&shaft)).normalize();
     let (sin, cos) = valgus_deg.to_radians().sin_cos();
@@ -379,11 +379,8 @@ fn tibial_frame(
     let across = medial - lateral;
     let joint_line = square_about(origin, &(across - up * across.dot(&up)), &up, side)
         .ok_or_else(|| StageError::Knee("the plateaus lie one above the other: check the tibia's surface".into()))?;
-    let tips = match (mark("eminence_medial"), mark("eminence_lateral")) {
-        (Some(medial), Some(lateral)) => Some([medial, lateral]),
-        _ => eminences(tibfib, &joint_line, across.norm()),
-    };
-    let place = match tips {
+    let shown = eminences(tibfib, &joint_line, across.norm());
+    let place = match tips(shown, &joint_line, mark, options.landmark_limit_mm, warnings) {
         Some([a, b]) => nalgebra::center(&a, &b),
         None => {
             warnings.push(Kind::NoEminences.notice("the bone shows no two intercondylar eminences: the tibia's origin lies on the bone above the middle of the plateaus; eminence_medial and eminence_lateral in landmarks.csv would tell"));
@@ -391,6 +388,35 @@ fn tibial_frame(
         }
     };
     Ok((AnatomicalFrame { origin: on_the_bone(tibfib, &place, &up), ..joint_line }, joint_line))
+}
+
+/// The tips of the eminences: as landmarks give them, which are held against those that the bone shows, else as it shows them.
+fn tips(
+    shown: Option<[Point; 2]>,
+    joint_line: &AnatomicalFrame,
+    mark: &dyn Fn(&str) -> Option<Point>,
+    limit_mm: f64,
+    warnings: &mut Vec<Notice>,
+) -> Option<[Point; 2]> {
+    let given = match (mark("eminence_medial"), mark("eminence_lateral")) {
+        (Some(medial), Some(lateral)) => [medial, lateral],
+        (None, None) => return shown,
+        _ => {
+            let what = "of the intercondylar eminences only one is given as a landmark; both are taken from the bone";
+            warnings.push(Kind::NoEminences.notice(what));
+            return shown;
+        }
+    };
+    let middle = |[a, b]: [Point; 2]| nalgebra::center(&a, &b);
+    let off = middle(given) - shown.map_or(joint_line.origin, middle);
+    // the origin is laid on the bone, so that heights do not count
+    let apart = (off - joint_line.superior * off.dot(&joint_line.superior)).norm();
+    if apart > limit_mm {
+        warnings.push(Kind::GivenOriginFar.notice(format!(
+            "landmarks eminence_medial and eminence_lateral have their middle {apart:.0} mm beside that of the eminences that the bone shows, more than {limit_mm}; they are used, and the tibia's origin lies there: check their coordinates and names"
+        )).of("tibia"));
+    }
+    Some(given)
 }
 
 fn off_line(p: &Point, shaft: &Shaft) -> f64 {
@@ -439,6 +465,37 @@ fn shifted(ml_mm: f64, ap_mm: f64) -> Option<Notice> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn eminences_far_from_those_of_the_bone_are_told_and_one_alone_is_not_used() {
+        let joint_line = AnatomicalFrame {
+            origin: Point::origin(),
+            medial: -Vector::x(),
+            anterior: -Vector::y(),
+            superior: Vector::z(),
+        };
+        let shown = [Point::new(-6.0, 2.0, 9.0), Point::new(6.0, 4.0, 8.0)];
+        let said = |shown: Option<[Point; 2]>, given: [Option<[f64; 3]>; 2]| {
+            let mark = move |name: &str| {
+                let at = ["eminence_medial", "eminence_lateral"].iter().position(|n| *n == name)?;
+                given[at].map(Point::from)
+            };
+            let mut warnings = Vec::new();
+            let used = tips(shown, &joint_line, &mark, 12.0, &mut warnings);
+            (used, notices::texts(&warnings).join(" "))
+        };
+        assert_eq!(said(Some(shown), [None, None]), (Some(shown), String::new()));
+        for shown in [Some(shown), None] {
+            // heights do not count
+            let near = [[-7.0, 6.0, 40.0], [8.0, 8.0, 40.0]];
+            assert_eq!(said(shown, near.map(Some)), (Some(near.map(Point::from)), String::new()));
+            // at the tuberosity
+            let (used, words) = said(shown, [[-7.0, -38.0, 9.0], [8.0, -38.0, 9.0]].map(Some));
+            assert!(used.is_some() && words.contains("mm beside that of the eminences"), "{words}");
+            let (used, words) = said(shown, [Some([-7.0, 3.0, 9.0]), None]);
+            assert!(used == shown && words.contains("only one is given"), "{words}");
+        }
+    }
 
     #[test]
     fn a_femur_stretched_upwards_or_sideways_is_told_and_a_large_one_is_not() {

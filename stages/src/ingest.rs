@@ -2,6 +2,7 @@
 
 mod bodies;
 mod file;
+mod folder;
 mod held;
 mod landmark_names;
 mod merge;
@@ -14,6 +15,7 @@ mod space;
 mod surfaces;
 
 pub use file::{OPTIONAL_PATHS, named, parse_specimen_file, paths_named_by, paths_named_in, paths_of};
+pub use folder::{check_case, specimen_text};
 use notices::{Kind, Notice};
 pub use space::of_knee;
 pub use surfaces::{Judged, judge_surfaces, middle_extent};

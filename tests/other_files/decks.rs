@@ -123,10 +123,15 @@ fn numbers_of_a_deck_that_are_written_otherwise_are_refused_at_their_line() {
         let (code, words) = changed(from, to);
         assert!(code == 0 && !words.contains("TYPE=NODE") && !words.contains("several element sets"), "{words}");
     }
-    // a speed in rad/s is no angle
+    // a speed in rad/s is no angle, and a motion by its rate is another one
     let motion = "AMPLITUDE=FLEX_RAMP\nAXIS_TF_ML, 4, 0.6235987755982988";
-    let (_, words) = changed(motion, "AMPLITUDE=FLEX_RAMP, TYPE=VELOCITY\nAXIS_TF_ML, 4, 4.0");
-    assert!(!words.contains("in degrees"), "{words}");
+    for kind in ["VELOCITY", "ACCELERATION"] {
+        let rate = format!("AMPLITUDE=FLEX_RAMP, TYPE={kind}\nAXIS_TF_ML, 4, 4.0");
+        let (code, words) = changed(motion, &rate);
+        assert_eq!(code, 1, "{words}");
+        holds(&words, &["k.inp:", "CONNECTOR MOTION", &format!("TYPE={kind} is not read"), "TYPE=DISPLACEMENT"]);
+        assert!(!words.contains("in degrees"), "{words}");
+    }
     let (code, words) = deck(&KNEE[..9000]);
     assert_eq!(code, 1, "{words}");
     holds(&words, &["cut short"]);

@@ -1,5 +1,8 @@
 //! What stands beside the numbers: words, noise, persons, names of files, landmarks that nothing reads; and files of other programs in a surface's place.
 
+mod folder;
+mod one_test;
+
 use super::tables::{laxity, plain, with_laxity};
 use super::{BUILT, built, change, checked, holds, knee, labels, nrrd, with_labels};
 use crate::common::{json, read, text, write};

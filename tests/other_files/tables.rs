@@ -93,7 +93,12 @@ fn what_programs_put_around_a_table_is_taken_off_or_named() {
         .map(|(k, l)| if k == 0 { format!(",{l}\n") } else { format!("{},{l}\n", k - 1) })
         .collect();
     let tail = format!("{good},,,,,,,,,,,,,\n,,,,,,,,,,,,,\n");
-    let cases: [Vec<u8>; 7] = [
+    // each row of a trial has a separator more than the header
+    let ends = |table: &str, end: &str| {
+        let line = |(k, l): (usize, &str)| format!("{l}{}\n", if k == 0 { "" } else { end });
+        table.lines().enumerate().map(line).collect::<String>()
+    };
+    let cases: [Vec<u8>; 10] = [
         wide,
         format!("sep=;\n{german}").into_bytes(),
         format!("# robot of 2019\n{good}").into_bytes(),
@@ -101,6 +106,9 @@ fn what_programs_put_around_a_table_is_taken_off_or_named() {
         index.into_bytes(),
         tail.into_bytes(),
         good.replace(",-28.5", ",n/a").into_bytes(),
+        ends(&good, ",").into_bytes(),
+        ends(&good, ",,,").into_bytes(),
+        ends(&german, ";").into_bytes(),
     ];
     for (k, bytes) in cases.iter().enumerate() {
         let table = trials(&with_laxity("k.csv", bytes));
@@ -109,6 +117,10 @@ fn what_programs_put_around_a_table_is_taken_off_or_named() {
             || k == 6 && table.lines().count() == right.lines().count();
         assert!(same, "{k}:\n{table}\n{right}");
     }
+    let beyond = ends(&good, ",").replacen("-28.5,\n", "-28.5,slow\n", 1);
+    let (code, words) = checked(with_laxity("k.csv", beyond.as_bytes()).path());
+    assert_eq!(code, 1, "{words}");
+    holds(&words, &["row 2, column 15", "\"slow\" stands beyond the header"]);
     let latin: Vec<u8> = [b"\xb0 degrees\n", good.as_bytes()].concat();
     let (code, words) = checked(with_laxity("k.csv", &latin).path());
     assert_eq!(code, 0, "{words}");

@@ -1,4 +1,4 @@
-//! Traits of laxity files: zeros, signs, units, decimal commas, encodings, thousands.
+//! Traits of laxity files: zeros, signs, units, decimal commas, separators, encodings, thousands.
 
 use super::{Dice, Trait};
 use crate::common::{text, write};
@@ -101,7 +101,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
     };
     const TURNED: &[&str] = &["sign", "turned", "point that way", "moves against its load"];
     const UNIT: &[&str] = &["unit", "beyond"];
-    match dice.below(54) {
+    match dice.below(58) {
         0 => of("flexion zeroed", &["zeroed"], {
             Box::new(|folder| {
                 cells(folder, |h, row, c| {
@@ -238,6 +238,31 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
                 let rows: Vec<Vec<&str>> = t.lines().map(|line| line.split(',').collect()).collect();
                 let column = |k: usize| rows.iter().map(|row| row[k]).collect::<Vec<_>>().join(",") + "\n";
                 (0..rows[0].len()).map(column).collect::<String>().into_bytes()
+            })
+        }),
+        54 => of("sign of ie_deg at one flexion", TURNED, {
+            Box::new(|folder| {
+                let turned = |c: &str| (-c.parse::<f64>().unwrap()).to_string();
+                cells(folder, |h, row, c| (h == "ie_deg" && row[2].starts_with("30")).then(|| turned(c)));
+            })
+        }),
+        55 => of("kN in load_ap_n of posterior tests", &["unit"], {
+            Box::new(|folder| {
+                let kilo = |c: &str| (c.parse::<f64>().unwrap() / 1000.0).to_string();
+                cells(folder, |h, row, c| (h == "load_ap_n" && row[1] == "posterior").then(|| kilo(c)));
+            })
+        }),
+        56 => of("a separator at the end of each row", &["beyond the header"], {
+            whole(|t| {
+                let ended = |(k, line): (usize, &str)| if k == 0 { format!("{line}\n") } else { format!("{line},\n") };
+                t.lines().enumerate().map(ended).collect::<String>().into_bytes()
+            })
+        }),
+        57 => of("thousands with points among decimal commas", &["thousand"], {
+            Box::new(|folder| {
+                cells(folder, |h, _, _| (h == "load_si_n").then(|| "1000".to_owned()));
+                let german = text(&folder.join(TABLE)).replace(',', ";").replace('.', ",").replace(";1000;", ";1.000;");
+                write(&folder.join(TABLE), german);
             })
         }),
         _ => of("load_vv_nm and load_ie_nm exchanged", &["exchanged", "unit", "point that way"], {

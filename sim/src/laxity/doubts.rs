@@ -47,6 +47,9 @@ const MOST_MOTION: [(Coordinate, f64, f64); 8] = [
 ];
 /// A compression of less is none, and one that is not 0 of another unit [N]: robots hold 20 to 50 N, a standing person 400.
 const LEAST_COMPRESSION_N: f64 = 1.0;
+/// The largest load of a test over that of its fellow, which loads the other way [-]. Ours: published and simulated knees have 0.96 and more, and one may be
+/// loaded by the limb's weight alone.
+const LEAST_OF_FELLOW: f64 = 0.05;
 /// ML moves by more than this over the loaded tests of a position [mm]: in two published knees and their phantoms by 2.7 to 12. Ours.
 const LEAST_ML_MM: f64 = 1.0;
 /// A load along a coordinate that no trial of other tests is without: more than these in each of them is a sensor that was not zeroed. VV, IE [N m],
@@ -83,6 +86,7 @@ fn more(trials: &[LaxityTrial], known: &[SignDoubt]) -> Vec<SignDoubt> {
     found.extend(no_compression(trials));
     found.extend(LEAST_TARE.iter().filter_map(|limit| tare(trials, *limit)));
     found.extend(LEAST_LOAD.iter().filter_map(|limit| small_load(trials, *limit)));
+    found.extend([VV, IE, AP].into_iter().filter_map(|c| unlike_loads(trials, c)));
     found.extend(LEAST_MOTION.iter().filter_map(|limit| small_motion(trials, *limit)));
     found.extend(MOST_LOAD.iter().filter_map(|limit| large_load(trials, *limit)));
     found.extend([VV, IE, AP].into_iter().filter_map(|c| large_motion(trials, c)));
@@ -148,6 +152,29 @@ fn small_load(trials: &[LaxityTrial], (c, least): (Coordinate, f64)) -> Option<S
             plain(largest),
             c.load_unit(),
             likely_unit(c, largest)
+        ),
+    })
+}
+
+/// A test whose loads are of another unit than those of its fellow, or were not recorded.
+fn unlike_loads(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
+    let mut largest: BTreeMap<Test, f64> = BTreeMap::new();
+    for t in tests(trials, c) {
+        let most = largest.entry(t.test).or_default();
+        *most = most.max(t.load[c].abs());
+    }
+    let by_load = |a: &(&Test, &f64), b: &(&Test, &f64)| a.1.total_cmp(b.1);
+    let ((small, less), (large, more)) = (largest.iter().min_by(by_load)?, largest.iter().max_by(by_load)?);
+    (*less < LEAST_OF_FELLOW * more).then(|| SignDoubt {
+        column: c.load_column(),
+        words: format!(
+            "{} is at most {} {unit} in the tests called {}, and {} {unit} in those called {}: is one of them in another unit, or was its load not recorded? Expected loads of one size both ways",
+            c.load_column(),
+            plain(*less),
+            small.name(),
+            plain(*more),
+            large.name(),
+            unit = c.load_unit()
         ),
     })
 }

@@ -16,6 +16,9 @@ use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
+mod decimals;
+mod lengths;
+
 /// The shape of a laboratory's files. What is absent is found from the file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -209,8 +212,11 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
         Some(c @ (',' | ';' | '\t')) => c as u8,
         Some(c) => return Err(LaxityError::File(format!("separator = \"{c}\"; expected \",\", \";\" or \"\\t\""))),
     };
-    let mut reader =
-        csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(text.body.as_bytes());
+    let mut reader = csv::ReaderBuilder::new()
+        .delimiter(separator)
+        .trim(csv::Trim::All)
+        .flexible(true)
+        .from_reader(text.body.as_bytes());
     let header = reader.headers().map_err(|e| LaxityError::row(1, e.to_string()))?;
     let header: StringRecord = header.iter().map(text::visible).collect();
     if separator == b',' && format.decimal == Some(',') {
@@ -220,7 +226,7 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
     let mut blank = 0;
     for (i, record) in reader.records().enumerate() {
         let row = i + 2;
-        let record = record.map_err(|e| LaxityError::row(row, format!("{e}{}", comma_hint(&e, separator))))?;
+        let record = record.map_err(|e| LaxityError::row(row, e.to_string()))?;
         let visible: StringRecord = record.iter().map(text::visible).collect();
         let record: StringRecord = visible.iter().map(text::with_minus).collect();
         if is_header(&header, &record) {
@@ -231,6 +237,7 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
             false => rows.push((row, record)),
         }
     }
+    let mut rows = lengths::fitted(rows, header.len(), separator)?;
     if blank > 0 {
         warnings
             .push(Kind::BlankRows.notice(format!("{blank} rows without a single cell are passed over")).count(blank));
@@ -240,13 +247,17 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
     let has_units = format.units_row.unwrap_or_else(|| rows.first().is_some_and(|(_, r)| is_units(r)));
     let units =
         if has_units && !rows.is_empty() { rows.remove(0).1.iter().map(String::from).collect() } else { vec![] };
-    let decimal_comma = match format.decimal {
-        None if separator == b',' => false,
-        None => text::decimal_comma(rows.iter().flat_map(|(_, r)| r.iter()))?,
-        Some('.') => false,
-        Some(',') => true,
-        Some(c) => return Err(LaxityError::File(format!("decimal = \"{c}\"; expected \".\" or \",\""))),
-    };
+    let decimal_comma = decimals::comma(&rows, separator, format.decimal)?;
+    let trial = format.columns.get("trial").map_or("trial", Column::name);
+    let names_at = header.iter().position(|name| name == trial);
+    // numbers of a workbook have points, whatever its texts have
+    let is_text = !crate::workbook::looks_zipped(bytes);
+    if decimal_comma
+        && is_text
+        && let Some(refused) = decimals::thousand(&rows, names_at)
+    {
+        return Err(refused);
+    }
     let mut raw = Raw { header: header.iter().map(String::from).collect(), units, rows, decimal_comma };
     drop_empty(&mut raw);
     drop_index(&mut raw, warnings);
@@ -315,19 +326,6 @@ fn unmeasured(raw: &mut Raw, warnings: &mut Vec<Notice>) {
     if words > 0 {
         let what = if words == 1 { "cell such as n/a or NaN is" } else { "cells such as n/a or NaN are" };
         warnings.push(Kind::WordsForNothing.notice(format!("{words} {what} read as not measured")).count(words));
-    }
-}
-
-/// What a row with too many cells most likely is.
-fn comma_hint(error: &csv::Error, separator: u8) -> &'static str {
-    match error.kind() {
-        csv::ErrorKind::UnequalLengths { expected_len, len, .. } if separator == b',' && len > expected_len => {
-            "; decimal commas among commas cannot be told apart: save the table with semicolons between cells"
-        }
-        csv::ErrorKind::UnequalLengths { expected_len, len, .. } if len < expected_len => {
-            "; is it a note or a sum below the table? Leave it out; else give the row all its cells"
-        }
-        _ => "",
     }
 }
 

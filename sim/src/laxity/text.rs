@@ -209,8 +209,15 @@ fn of_a_sheet(cell: &str) -> Option<String> {
     if plain != cell && number(&plain) {
         return Some(format!("; its digits are parted, as thousands are: write {plain}"));
     }
-    if cell.matches(',').count() == 1 && number(&cell.replace(',', ".")) {
-        return Some(format!("; a decimal comma: write {}", cell.replace(',', ".")));
+    let decimal = cell.replace(',', ".");
+    let is_below_1 = cell.trim_start_matches(['+', '-']).starts_with(['0', ',']);
+    let of_three = cell.rsplit(',').next().is_some_and(|end| end.len() == 3) && !is_below_1;
+    if cell.matches(',').count() == 1 && number(&decimal) && of_three {
+        let whole = cell.replace(',', "");
+        return Some(format!("; a thousand with a separator, or a decimal comma: write {whole} or {decimal}"));
+    }
+    if cell.matches(',').count() == 1 && number(&decimal) {
+        return Some(format!("; a decimal comma: write {decimal}"));
     }
     let exponent = cell.replace(['D', 'd'], "E");
     (exponent != cell && number(&exponent))

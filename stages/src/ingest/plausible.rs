@@ -2,12 +2,13 @@
 
 use super::held::WIDTH_MM;
 use super::{OPTIONAL_PATHS, bodies, middle_extent};
-use crate::anatomy::joint_point;
+use crate::anatomy::{LEAST_SECTIONS, RoughAxes, joint_point};
+use crate::frames::from_shaft;
 use crate::specimen::{Identity, LigamentStart, NamedPoint, PointFrame, SpecimenFile};
 use crate::{PerBone, StageError};
 use attachments::bundle::BUNDLES;
-use meshes::Point;
 use meshes::surface::TriMesh;
+use meshes::{Point, Vector};
 use notices::{Kind, Notice, plain};
 use std::collections::BTreeMap;
 
@@ -23,6 +24,16 @@ const STIFFNESS_TIMES: f64 = 10.0;
 /// distal shaft at 85 to 100; femora are 400 to 500 long and tibiae 320 to 430.
 const FAR_MM: [(&str, [f64; 2]); 3] =
     [("femoral_head_center", [260.0, 640.0]), ("ankle_center", [200.0, 580.0]), ("tibial_shaft_distal", [45.0, 580.0])];
+/// The way from the knee to the ankle turns from the tibia's shaft by no more than this [deg]. Ours: the axis of a tibia's upper half and its mechanical
+/// axis lie within 3 deg of each other, and a shaft that is cut short shows its own within a few.
+const ANKLE_ASTRAY_DEG: f64 = 8.0;
+/// The same where no shaft shows its axis and the plateaus stand for it [deg]: slopes of plateaus differ by some 3 deg from knee to knee. Ours.
+const ANKLE_ASTRAY_OF_PLATEAUS_DEG: f64 = 12.0;
+/// The way from the knee to the femoral head turns, medially or laterally, from the usual one by no more than this [deg]. Ours: in two published knees and
+/// two phantoms by 3, in limbs with little or much valgus by 5. Forwards and backwards it says nothing: femora are bowed.
+const HEAD_ASTRAY_DEG: f64 = 8.0;
+/// The usual way to the head: so far medially from the femur's shaft [deg] [yoshioka1987].
+const VALGUS_DEG: f64 = 6.0;
 /// The epicondyles lie this far on their own sides at least, or nothing is said [mm]; they are 75 apart. Ours.
 const SIDE_MM: f64 = 20.0;
 
@@ -42,9 +53,18 @@ pub(super) fn check(
     let at = |name: &str| landmarks.iter().find(|p| p.frame == PointFrame::Ct && p.name == name).map(|p| p.point);
     let scale = middle_extent(&ct.femur) / WIDTH_MM;
     warnings.extend(far(path, ct, scale, &at));
-    let (Some(medial), Some(lateral)) = (at("epicondyle_medial"), at("epicondyle_lateral")) else { return Ok(()) };
-    let axes = bodies::axes(&ct.femur, &ct.tibfib, file.specimen.side).filter(|axes| axes.fibula.is_some());
-    match axes {
+    let ends = (at("epicondyle_medial"), at("epicondyle_lateral"));
+    let (ankle, head) = (at("ankle_center"), at("femoral_head_center"));
+    if ankle.is_none() && head.is_none() && (ends.0.is_none() || ends.1.is_none()) {
+        return Ok(());
+    }
+    let axes = bodies::axes(&ct.femur, &ct.tibfib, file.specimen.side);
+    if let Some(axes) = &axes {
+        let ways = [ankle.map(|p| to_ankle(p, axes)), head.and_then(|p| to_head(p, axes))];
+        warnings.extend(ways.into_iter().flatten().filter_map(|way| astray(path, &way, axes)));
+    }
+    let (Some(medial), Some(lateral)) = ends else { return Ok(()) };
+    match axes.filter(|axes| axes.fibula.is_some()) {
         Some(axes) if (lateral - medial).dot(&axes.lateral) < -SIDE_MM * scale => Err(StageError::file(
             path,
             "epicondyle_medial lies on the lateral side and epicondyle_lateral on the medial one: exchange their names, or correct the side in specimen.toml",
@@ -115,10 +135,150 @@ fn far(path: &str, ct: &PerBone<TriMesh>, scale: f64, at: &dyn Fn(&str) -> Optio
     FAR_MM.into_iter().filter_map(odd).collect()
 }
 
+/// The way from the knee to a landmark at a bone's far end, and the usual one.
+struct Way {
+    name: &'static str,
+    /// The line from which it is told, and the bone at its other end.
+    words: [&'static str; 2],
+    point: Point,
+    /// From the knee [mm].
+    way: Vector,
+    usual: Vector,
+    most_deg: f64,
+}
+
+fn to_ankle(point: Point, axes: &RoughAxes) -> Way {
+    let shaft = &axes.tibia_shaft;
+    let is_shown = shaft.sections >= LEAST_SECTIONS;
+    let most_deg = if is_shown { ANKLE_ASTRAY_DEG + shaft.turn_deg } else { ANKLE_ASTRAY_OF_PLATEAUS_DEG };
+    let (way, usual) = (point - axes.joint, shaft.direction);
+    Way { name: "ankle_center", words: ["tibia's long axis", "femur"], point, way, usual, most_deg }
+}
+
+/// The way across and up. Only a shaft shows where the head may lie.
+fn to_head(point: Point, axes: &RoughAxes) -> Option<Way> {
+    let shaft = &axes.femur_shaft;
+    let usual = from_shaft(axes, VALGUS_DEG);
+    let forwards = shaft.direction.cross(&axes.lateral).try_normalize(1e-6)?;
+    let way = point - axes.joint;
+    let way = way - forwards * way.dot(&forwards);
+    let words = ["femur's usual mechanical axis", "tibia"];
+    let most_deg = HEAD_ASTRAY_DEG + shaft.turn_deg;
+    (shaft.sections >= LEAST_SECTIONS).then_some(Way {
+        name: "femoral_head_center",
+        words,
+        point,
+        way,
+        usual,
+        most_deg,
+    })
+}
+
+/// A landmark beside the way that its bone's shaft leads, or at the other end of the knee: the bone's frame would be turned by as much.
+fn astray(path: &str, to: &Way, axes: &RoughAxes) -> Option<Notice> {
+    let way = to.way;
+    let turned = way.angle(&to.usual).to_degrees();
+    // a landmark at the joint itself has no direction
+    if turned.is_nan() || turned <= to.most_deg {
+        return None;
+    }
+    let beside = way - to.usual * way.dot(&to.usual);
+    let sides = [(axes.lateral, ["lateral", "medial"]), (axes.anterior, ["anterior", "posterior"])];
+    let [across, along] = sides.map(|(axis, names)| (beside.dot(&axis), names));
+    let (far, names) = if across.0.abs() < along.0.abs() { along } else { across };
+    let [line, other] = to.words;
+    let end = if way.dot(&to.usual) < 0.0 { format!(", at the {other}'s end of the knee") } else { String::new() };
+    let text = format!(
+        "{path}: {} lies {:.0} mm {} of the {line}{end}: its way from the knee turns by {turned:.0} deg from that axis, expected {:.0} at most; the bone's frame turns with it: check the point, its frame and its name",
+        to.name,
+        beside.norm(),
+        names[usize::from(far < 0.0)],
+        to.most_deg
+    );
+    let place = [to.point.x, to.point.y, to.point.z];
+    Some(Kind::ShaftLandmarkFar.notice(text).file(path).of(to.name).at(place))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::anatomy::Shaft;
     use meshes::frame::Side;
+
+    /// A left knee at the origin, up along z, with its forwards along -y; its tibia's shaft is shown by so many sections.
+    fn knee(sections: usize, scale: f64) -> RoughAxes {
+        let shaft = |direction: Vector| Shaft {
+            point: Point::from(direction * 50.0 * scale),
+            direction,
+            sections,
+            size_mm: 60.0 * scale,
+            range_mm: [30.0 * scale, 120.0 * scale],
+            turn_deg: 1.0,
+        };
+        RoughAxes {
+            superior: Vector::z(),
+            anterior: -Vector::y(),
+            lateral: Vector::x(),
+            joint: Point::origin(),
+            femur_shaft: shaft(Vector::z()),
+            tibia_shaft: shaft(-Vector::z()),
+            fibula: None,
+            protrusion: 0.3,
+        }
+    }
+
+    #[test]
+    fn an_ankle_beside_the_tibia_or_at_its_wrong_end_is_told_in_a_knee_of_any_size() {
+        for scale in [0.6, 1.0, 1.3] {
+            let told = |x: f64, y: f64, z: f64, sections: usize| {
+                let ankle = Point::from(Vector::new(x, y, z) * scale);
+                let knee = knee(sections, scale);
+                astray("l.csv", &to_ankle(ankle, &knee), &knee).map(|n| n.text)
+            };
+            for sections in [2, 30] {
+                assert_eq!(told(0.0, 0.0, -400.0, sections), None);
+                // as much as tibiae are bowed, either way
+                for at in [-35.0, 35.0] {
+                    assert_eq!(told(at, 0.0, -400.0, sections), None);
+                    assert_eq!(told(0.0, at, -400.0, sections), None);
+                }
+                for (x, y, word) in [
+                    (100.0, 0.0, "lateral"),
+                    (-100.0, 0.0, "medial"),
+                    (20.0, -100.0, "anterior"),
+                    (20.0, 100.0, "posterior"),
+                ] {
+                    let words = told(x, y, -400.0, sections).unwrap();
+                    let off = x.hypot(y) * scale;
+                    assert!(words.contains(&format!("lies {off:.0} mm {word} of the tibia's long axis")), "{words}");
+                    assert!(words.contains("14 deg"), "{words}");
+                    assert!(!words.contains("the femur's end"), "{words}");
+                }
+                assert!(told(10.0, 0.0, 400.0, sections).unwrap().contains("at the femur's end"));
+            }
+            assert_eq!(told(0.0, 0.0, 0.0, 30), None);
+        }
+    }
+
+    #[test]
+    fn a_head_far_beside_the_mechanical_axis_is_told_where_a_shaft_shows_it() {
+        let told = |x: f64, y: f64, sections: usize| {
+            let knee = knee(sections, 1.0);
+            let way = to_head(Point::new(x, y, 450.0), &knee)?;
+            astray("l.csv", &way, &knee).map(|n| n.text)
+        };
+        // medial of the shaft by 0 to 12 deg, and bowed forwards or backwards
+        for x in [0.0, -47.0, -95.0] {
+            for y in [-90.0, 0.0, 90.0] {
+                assert_eq!(told(x, y, 30), None, "{x} {y}");
+            }
+        }
+        for (x, word) in [(100.0, "lateral"), (-147.0, "medial")] {
+            let words = told(x, 0.0, 30).unwrap();
+            assert!(words.contains(&format!("mm {word} of the femur's usual mechanical axis")), "{words}");
+        }
+        assert_eq!(told(100.0, 0.0, 2), None);
+    }
 
     #[test]
     fn numbers_of_a_person_in_another_unit_are_told() {

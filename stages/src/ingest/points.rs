@@ -101,7 +101,25 @@ pub(super) fn fibres(
             source: Source::Given,
         });
     }
+    warnings.extend(copies(path, &fibres));
     Ok(fibres)
+}
+
+/// What is told of fibres of two bundles between the same two points: rows that were copied, and given another name.
+fn copies(path: &str, fibres: &[Fibre]) -> Option<Notice> {
+    let same = |a: &Fibre, b: &Fibre| a.bundle != b.bundle && a.femur == b.femur && a.tibia == b.tibia;
+    let before = |k: usize| fibres[..k].iter().find(|f| same(f, &fibres[k]));
+    let again: Vec<(&Fibre, &Fibre)> = fibres.iter().enumerate().filter_map(|(k, f)| Some((f, before(k)?))).collect();
+    let (f, first) = again.first()?;
+    let text = format!(
+        "{path}: {} fibres stand at the same two points as one of another bundle, the first {} {} where {} {} is: were rows copied, and their points not changed? Each pulls by itself",
+        again.len(),
+        f.bundle,
+        f.fibre,
+        first.bundle,
+        first.fibre
+    );
+    Some(Kind::FibreCount.notice(text).file(path).of(&f.bundle).count(again.len()))
 }
 
 /// Named points of a file; with `ras`, those of the CT frame are turned to LPS where the file cannot say its frame.
@@ -224,7 +242,10 @@ fn rows<'a>(
         .trim(csv::Trim::All)
         .flexible(true)
         .from_reader(table.text.as_bytes());
-    let header = reader.headers().map_err(|e| StageError::file(path, e))?.clone();
+    let mut header = reader.headers().map_err(|e| StageError::file(path, e))?.clone();
+    // some programs end each row with a separator
+    let width = (0..header.len()).rfind(|&k| header.get(k).is_some_and(|h| !h.is_empty())).map_or(0, |k| k + 1);
+    header.truncate(width);
     let refuse = |what: String| StageError::line(path, 1, format_args!("{what}; expected the header {expected}"));
     if header.len() == 1 && header.get(0).is_some_and(|h| h.contains(['|', ' '])) {
         return Err(refuse("the columns are not separated by commas".into()));
@@ -242,8 +263,10 @@ fn rows<'a>(
         let record = record.map_err(|e| StageError::file(path, e))?;
         let line = record.position().map_or(0, csv::Position::line);
         let mut row = Row { path, line, separator, cells: Vec::new() };
-        if record.len() != header.len() {
-            return Err(row.refuse(&format!("{} cells; expected {} ({expected})", record.len(), header.len())));
+        let beyond = record.iter().skip(width).find(|cell| !cell.is_empty());
+        if record.len() < width || beyond.is_some() {
+            let cell = beyond.map_or(String::new(), |cell| format!(": `{cell}` stands beyond the last column"));
+            return Err(row.refuse(&format!("{} cells; expected {width} ({expected}){cell}", record.len())));
         }
         row.cells = place.iter().map(|&k| record.get(k).unwrap_or("").to_string()).collect();
         rows.push(row);
