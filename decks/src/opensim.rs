@@ -12,6 +12,7 @@ mod knee;
 mod known;
 mod ligaments;
 mod places;
+mod wrapped;
 
 use crate::DeckError;
 use crate::elements::Judged;
@@ -225,3 +226,6 @@ impl Files<'_, '_> {
         Ok(mesh)
     }
 }
+
+#[cfg(test)]
+mod tests;

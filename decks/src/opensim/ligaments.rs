@@ -6,6 +6,7 @@
 
 use super::knee::Knee;
 use super::places::Places;
+use super::wrapped::Objects;
 use super::{MM_PER_M, point};
 use crate::DeckError;
 use crate::lines::{Bundles, Line, bundle_name, bundles};
@@ -36,23 +37,32 @@ pub(super) fn ligaments<'a, 'i>(
     knee: &Knee,
     objects: &[Node<'a, 'i>],
 ) -> Result<Ligaments, DeckError> {
-    let (mut lines, mut elsewhere, mut odd) = (Vec::new(), BTreeMap::new(), BTreeMap::new());
-    let mut names = BTreeSet::new();
+    let (mut lines, mut elsewhere, mut off) = (Vec::new(), BTreeMap::new(), Vec::new());
+    let (mut names, mut over) = (BTreeSet::new(), Vec::new());
+    let wrapped = Objects::of(objects.first());
     let all = objects.iter().copied().filter(|o| o.tag_name().name() == "Blankevoort1991Ligament");
     for node in all {
         if !tree.flag(node, "appliesForce", true)? {
-            odd.entry("are switched off (appliesForce is false) and left out")
-                .or_insert_with(Vec::new)
-                .push(name_of(node));
+            off.push(name_of(node));
             continue;
         }
-        if path(tree, node)?.is_some_and(|p| child(p, "PathWrapSet").is_some_and(wraps)) {
-            odd.entry("wrap over objects there; here they are straight").or_insert_with(Vec::new).push(name_of(node));
+        let path = path(tree, node)?;
+        let read = way(tree, places, knee, (node, path))?.and_then(|way| Ok((parted(knee, &way)?, way)));
+        let (parted, way) = match read {
+            Ok(read) => read,
+            Err(where_to) => {
+                elsewhere.entry(where_to).or_insert_with(Vec::new).push(name_of(node));
+                continue;
+            }
+        };
+        let line = law(tree, node, parted)?;
+        if !names.insert(line.name.clone()) {
+            return Err(tree.error(node, "another ligament has its name; expected a name of its own"));
         }
-        match line(tree, places, knee, node)? {
-            Ok(line) if names.insert(line.name.clone()) => lines.push(line),
-            Ok(_) => return Err(tree.error(node, "another ligament has its name; expected a name of its own")),
-            Err(where_to) => elsewhere.entry(where_to).or_insert_with(Vec::new).push(name_of(node)),
+        lines.push(line);
+        let points: Vec<Point> = way.iter().map(|(_, p)| *p).collect();
+        if let Some(words) = wrapped.told((tree, places, knee), path, &points)? {
+            over.push(format!("{} ({words})", name_of(node)));
         }
     }
     if lines.is_empty() {
@@ -67,9 +77,14 @@ pub(super) fn ligaments<'a, 'i>(
         });
     }
     let mut told: Vec<Notice> = Vec::new();
-    for (what, which) in odd {
+    if !off.is_empty() {
+        let what = "are switched off (appliesForce is false) and left out";
+        told.push(Kind::DeckOdd.notice(format!("{} ligaments {what}: {}", off.len(), off.join(", "))).count(off.len()));
+    }
+    if !over.is_empty() {
+        let what = "wrap over objects there; here they are straight";
         told.push(
-            Kind::DeckOdd.notice(format!("{} ligaments {what}: {}", which.len(), which.join(", "))).count(which.len()),
+            Kind::DeckOdd.notice(format!("{} ligaments {what}: {}", over.len(), over.join(", "))).count(over.len()),
         );
     }
     for (what, which) in elsewhere {
@@ -80,28 +95,20 @@ pub(super) fn ligaments<'a, 'i>(
     Ok(Ligaments { bundles, fibres, told })
 }
 
-/// Whether a PathWrapSet holds something.
-fn wraps(set: Node<'_, '_>) -> bool {
-    set.descendants().any(|n| n.tag_name().name() == "PathWrap")
-}
-
 /// The path of a ligament.
-fn path<'a, 'i>(tree: &Tree<'_>, node: Node<'a, 'i>) -> Result<Option<Node<'a, 'i>>, DeckError> {
+fn path<'a, 'i>(tree: &Tree<'_>, node: Node<'a, 'i>) -> Result<Node<'a, 'i>, DeckError> {
     let found = child(node, "GeometryPath").or_else(|| child(child(node, "path")?, "GeometryPath"));
-    match found {
-        None => Err(tree.error(node, "<GeometryPath> is missing; expected a path with two points or more")),
-        found => Ok(found),
-    }
+    found.ok_or_else(|| tree.error(node, "<GeometryPath> is missing; expected a path with two points or more"))
 }
 
-/// One ligament; the inner error says why it is none of the knee's.
-fn line<'a, 'i>(
+/// The points of a ligament's path, each with femur or tibia, to which it belongs; the inner error says why it is none of the knee's.
+fn way<'a, 'i>(
     tree: &Tree<'_>,
     places: &Places<'a, 'i>,
     knee: &Knee,
-    node: Node<'a, 'i>,
-) -> Result<Result<Line, String>, DeckError> {
-    let points = path(tree, node)?.and_then(|p| child(p, "PathPointSet")).and_then(|s| child(s, "objects"));
+    (node, path): (Node<'a, 'i>, Node<'a, 'i>),
+) -> Result<Result<Vec<(usize, Point)>, String>, DeckError> {
+    let points = child(path, "PathPointSet").and_then(|s| child(s, "objects"));
     let points = points.into_iter().flat_map(|o| o.children().filter(Node::is_element));
     let mut way: Vec<(usize, Point)> = Vec::new();
     for p in points {
@@ -115,22 +122,29 @@ fn line<'a, 'i>(
     if way.len() < 2 {
         return Err(tree.error(node, format!("its path has {} points, expected two or more", way.len())));
     }
+    Ok(Ok(way))
+}
+
+/// Length of a path [mm], and its last point on femur and on tibia; the error says why it is none of the knee's.
+fn parted(knee: &Knee, way: &[(usize, Point)]) -> Result<(f64, (Point, Point)), String> {
     let crossings: Vec<usize> = (1..way.len()).filter(|&k| way[k].0 != way[k - 1].0).collect();
     let [at] = crossings[..] else {
-        let times = match crossings.len() {
+        return Err(match crossings.len() {
             0 => "lead from a bone to itself".to_owned(),
             n => format!("cross the joint {n} times"),
-        };
-        return Ok(Err(times));
+        });
     };
     let length: f64 = way.windows(2).map(|w| (w[1].1 - w[0].1).norm()).sum();
     let (a, b) = (way[at - 1], way[at]);
-    let (femur, tibia) = if a.0 == knee.femur { (a.1, b.1) } else { (b.1, a.1) };
-    Ok(Ok(law(tree, node, length, (femur, tibia))?))
+    Ok((length, if a.0 == knee.femur { (a.1, b.1) } else { (b.1, a.1) }))
 }
 
-/// The law of a ligament whose path is `length` mm long.
-fn law(tree: &Tree<'_>, node: Node<'_, '_>, length: f64, (femur, tibia): (Point, Point)) -> Result<Line, DeckError> {
+/// The law of a ligament whose path is `length` mm long, and where it leaves femur and tibia.
+fn law(
+    tree: &Tree<'_>,
+    node: Node<'_, '_>,
+    (length, (femur, tibia)): (f64, (Point, Point)),
+) -> Result<Line, DeckError> {
     let slack = tree.number(node, "slack_length", 0.0)? * MM_PER_M;
     let stiffness = tree.number(node, "linear_stiffness", 0.0)?;
     let transition = tree.number(node, "transition_strain", TRANSITION_STRAIN)?;
