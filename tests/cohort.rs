@@ -195,6 +195,15 @@ fn with_side(knee: &Path, folder: &Path, (id, side): (&str, &str), other_files: 
     place
 }
 
+/// Why builds are not independent, as `cohort --json` says it.
+fn dependent_of(builds: &[&Path], out: &Path) -> Vec<Value> {
+    let run = build_model().arg("cohort").args(builds).arg("--out").arg(out).arg("--json").assert().success();
+    let told: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let schema: Value = serde_json::from_str(&genu::schema::schema("cohort").unwrap()).unwrap();
+    obeys(&told, &schema, &schema).unwrap();
+    told["dependent"].as_array().unwrap().clone()
+}
+
 #[test]
 fn one_knee_that_is_given_twice_and_one_with_a_shared_prior_are_told() {
     let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
@@ -206,31 +215,38 @@ fn one_knee_that_is_given_twice_and_one_with_a_shared_prior_are_told() {
         let run = build_model().arg("cohort").args(builds).arg("--out").arg(&out).assert().success();
         let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
         assert_eq!(printed.contains("not independent: "), text(&out.join("cohort.html")).contains("id=\"dependent\""));
-        printed
+        let said: Vec<&str> = printed.lines().filter_map(|line| line.strip_prefix("not independent: ")).collect();
+        let dependent = dependent_of(&builds, &out.with_extension("json"));
+        assert_eq!(said, dependent.iter().map(|d| d["message"].as_str().unwrap()).collect::<Vec<_>>());
+        (printed, dependent)
     };
     let a = build("one", ("A", "left"), false);
     // one id and side, of other files
-    let printed = told([&a, &build("two", ("A", "left"), true)], "of_id");
+    let (printed, dependent) = told([&a, &build("two", ("A", "left"), true)], "of_id");
     assert!(printed.contains("one/A and two/A are one knee: both are A left."), "{printed}");
+    assert_eq!((&dependent[0]["kind"], &dependent[0]["knees"]), (&"one_knee".into(), &vec!["one/A", "two/A"].into()));
+    assert_eq!((dependent.len(), &dependent[0]["shared_prior"]), (1, &Value::Null));
     // another id, of the same files
     let b = build("one", ("B", "left"), false);
-    let printed = told([&a, &b], "of_files");
+    let (printed, _) = told([&a, &b], "of_files");
     assert!(printed.contains("A and B are one knee: both are left knees of one file, "), "{printed}");
     // both knees of one picture, both knees of one person, and two that have nothing in common
     for (k, (named, other_files)) in
         [(("C", "right"), false), (("A", "right"), true), (("D", "left"), true)].into_iter().enumerate()
     {
-        let printed = told([&a, &build("three", named, other_files)], &format!("apart_{k}"));
+        let (printed, _) = told([&a, &build("three", named, other_files)], &format!("apart_{k}"));
         assert!(!printed.contains("not independent"), "{named:?}: {printed}");
     }
     // the same two, one with a prior that other knees gave
     let d = folder.path().join("three/D");
     let file = d.join("build/10-calibrate/joint/model.json");
     let mut model = json(&file);
-    model["calibrated"]["shared_prior"] =
-        serde_json::json!({"file": "prior.json", "digest": "ab", "from": ["other left"], "numbers": 2});
+    let prior = serde_json::json!({"file": "prior.json", "digest": "ab", "from": ["other left"], "numbers": 2});
+    model["calibrated"]["shared_prior"] = prior.clone();
     write(&file, model.to_string());
-    let printed = told([&a, &d], "shared");
+    let (printed, dependent) = told([&a, &d], "shared");
+    assert_eq!((&dependent[0]["kind"], &dependent[0]["knees"]), (&"shared_prior".into(), &vec!["D"].into()));
+    assert_eq!(dependent[0]["shared_prior"], prior);
     assert!(
         printed.contains(&format!("not independent: D: {DEPENDENT}")) && !printed.contains("one knee"),
         "{printed}"
@@ -239,6 +255,39 @@ fn one_knee_that_is_given_twice_and_one_with_a_shared_prior_are_told() {
     // the build's folder is the last column
     let of: Vec<&str> = table.lines().map(|line| line.rsplit(',').nth(1).unwrap()).collect();
     assert_eq!(of, ["shared_prior", "", "prior.json"]);
+}
+
+#[test]
+fn an_export_says_in_its_head_and_beside_it_whose_data_are_in_the_models_prior() {
+    let folder = TempDir::new().unwrap();
+    let knee = folder.path().join("knee");
+    copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/knee"), &knee);
+    let file = knee.join("model.json");
+    for (numbers, is_told) in [(2, true), (0, false)] {
+        let mut model = json(&file);
+        model["calibrated"] = serde_json::json!({"to": ["kla"], "from": "ab", "shared_prior":
+            {"file": "prior.json", "digest": "cd", "from": ["other left"], "numbers": numbers}});
+        write(&file, model.to_string());
+        for (format, main, comment) in
+            [("abaqus", ".inp", "** "), ("opensim", "model.osim", "<!-- "), ("stl", ".stl", "")]
+        {
+            let out = folder.path().join(format!("{format}_{numbers}"));
+            let mut command = build_model();
+            command.arg("export").arg(&file).args(["--format", format, "--out"]).arg(&out).assert().success();
+            let said = json(&out.join("model.source.json"))["not_independent"].clone();
+            let words = said.as_str().unwrap_or_default();
+            assert_eq!((words.contains("prior.json: other left"), said.is_null()), (is_told, !is_told), "{said}");
+            let files = crate::common::files(&out);
+            let heads: Vec<String> = files
+                .iter()
+                .filter(|(name, _)| !comment.is_empty() && name.ends_with(main))
+                .map(|(_, bytes)| String::from_utf8_lossy(bytes).lines().take(3).collect::<Vec<_>>().join("\n"))
+                .collect();
+            assert_eq!(heads.is_empty(), comment.is_empty(), "{format}");
+            let line = format!("{comment}The prior of 2 numbers is what 1 other knee says");
+            assert!(heads.iter().all(|head| head.contains(&line) == is_told), "{heads:?}");
+        }
+    }
 }
 
 #[test]

@@ -38,6 +38,7 @@ mod report;
 mod resume;
 mod schema;
 mod simulate;
+mod tracked;
 mod traits;
 mod variants;
 mod volumes;

@@ -21,6 +21,7 @@ pub(crate) mod shared;
 mod table;
 mod tables;
 
+pub use dependent::{Dependence, DependentTold};
 pub use infer::InferTold;
 use knee::{Knee, Status};
 use outliers::Outlier;
@@ -43,6 +44,8 @@ pub struct CohortTold {
     pub schema: &'static str,
     /// Every knee, in the order given.
     pub knees: Vec<KneeTold>,
+    /// Why knees are not independent of each other; empty where they are.
+    pub dependent: Vec<DependentTold>,
     /// The page and the tables.
     pub files: Vec<String>,
 }
@@ -112,7 +115,8 @@ pub fn cohort(args: &CohortArgs) -> Result<Told, BuildError> {
     }
     files.push(("cohort.html".to_owned(), page::page(&knees, (&outliers, &dependent), &tables, &out).into_bytes()));
     store::write_all(&out, &files)?;
-    Ok(Told::words(words(&knees, (&outliers, &dependent), &out)).with(&as_data(&knees, &outliers, &files, &out)))
+    let printed = words(&knees, (&outliers, &dependent), &out);
+    Ok(Told::words(printed).with(&as_data(&knees, (&outliers, dependent), &files, &out)))
 }
 
 /// The word that asks for a shared prior in place of the page.
@@ -158,7 +162,7 @@ fn of<'a>(outliers: &'a [Outlier], knee: &Knee) -> Vec<&'a Outlier> {
 }
 
 /// The words to print: what is odd of the cohort (outliers, then why knees are not independent) and where the page is.
-fn words(knees: &[Knee], (outliers, dependent): (&[Outlier], &[String]), out: &Path) -> String {
+fn words(knees: &[Knee], (outliers, dependent): (&[Outlier], &[DependentTold]), out: &Path) -> String {
     let mut text = String::new();
     for k in knees {
         match &k.status {
@@ -171,13 +175,18 @@ fn words(knees: &[Knee], (outliers, dependent): (&[Outlier], &[String]), out: &P
             }
         }
     }
-    dependent.iter().for_each(|words| text += &format!("not independent: {words}\n"));
+    dependent.iter().for_each(|told| text += &format!("not independent: {}\n", told.message));
     let failed = knees.iter().filter(|k| k.failed()).count();
     let count = if knees.len() == 1 { "1 knee".to_owned() } else { format!("{} knees", knees.len()) };
     text + &format!("{count}, {failed} failed\nLook at {}\n", out.join("cohort.html").display())
 }
 
-fn as_data(knees: &[Knee], outliers: &[Outlier], files: &[(String, Vec<u8>)], out: &Path) -> CohortTold {
+fn as_data(
+    knees: &[Knee],
+    (outliers, dependent): (&[Outlier], Vec<DependentTold>),
+    files: &[(String, Vec<u8>)],
+    out: &Path,
+) -> CohortTold {
     let knee = |k: &Knee| KneeTold {
         knee: k.name.clone(),
         specimen: k.specimen.clone(),
@@ -194,6 +203,7 @@ fn as_data(knees: &[Knee], outliers: &[Outlier], files: &[(String, Vec<u8>)], ou
     CohortTold {
         schema: schemas::COHORT,
         knees: knees.iter().map(knee).collect(),
+        dependent,
         files: files.iter().map(|(name, _)| out.join(name).display().to_string()).collect(),
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::bands;
 use crate::calibrate::Watch;
+use crate::cohort::shared;
 use crate::diagnosis_files::{DIAGNOSIS, PAGE, as_json, files_of, prepared};
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
@@ -27,6 +28,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 use sim::names::did_you_mean;
+use sim::spec::CalibratedSpec;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -156,11 +158,22 @@ pub fn run_beside(
     }
     let start = start(&loaded, &start_from, options.seed, &calibrate)?;
     let calibration = Calibration { options: &calibrate, mode: start.as_ref() };
-    let (outcome, regret) = diagnose_beside(&model, &loaded.spec, &sources, &catalogue, options, calibration, truth)
-        .and_then(|(outcome, regret)| Ok((outcome.with_provenance(&provenance)?, regret)))
-        .map_err(|e| fault(&e))?;
+    let (mut outcome, regret) =
+        diagnose_beside(&model, &loaded.spec, &sources, &catalogue, options, calibration, truth)
+            .and_then(|(outcome, regret)| Ok((outcome.with_provenance(&provenance)?, regret)))
+            .map_err(|e| fault(&e))?;
+    if let Some(words) = of_others(&calibrate, loaded.spec.calibrated.as_ref()) {
+        outcome.diagnosis.plain += &format!("\n{words}");
+    }
     let json = write(args, &loaded, &outcome)?;
     Ok((tell(in_words(&outcome.diagnosis, &args.out.join(PAGE)), PAGE, &json), regret))
+}
+
+/// The sentence on other knees whose data are in the priors that a diagnosis takes, or in those that its model was calibrated with; none where no
+/// knee's are.
+fn of_others(calibrate: &CalibrateOptions, model: Option<&CalibratedSpec>) -> Option<String> {
+    let of_model = || model?.shared_prior.clone();
+    shared::sentence(&shared::of_options(calibrate).or_else(of_model)?)
 }
 
 /// What is told at the end: plain words, the numbers, the page.
@@ -205,7 +218,7 @@ fn calibrate_options(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<Calibr
         }
     }
     let mut options = resolve(&given, &args.overrides, None)?.calibrate;
-    crate::cohort::shared::read_in(&mut options, &calibration::shared::called(&loaded.spec))?;
+    shared::read_in(&mut options, &calibration::shared::called(&loaded.spec))?;
     Ok(options)
 }
 
@@ -307,4 +320,41 @@ fn write(args: &DiagnoseArgs, loaded: &LoadedModel, outcome: &Outcome) -> Result
     let files = files_of(&outcome.diagnosis, &outcome.components, &moved, live.as_ref())?;
     store::write_all(&out, &files)?;
     Ok(files.into_iter().find(|(name, _)| name == DIAGNOSIS).map(|(_, bytes)| bytes).unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calibration::shared::{SCHEMA, Shared, SharedNumber, SharedPrior};
+    use sim::spec::SharedPriorSpec;
+
+    #[test]
+    fn other_knees_are_named_where_they_gave_the_priors_of_the_diagnosis_or_of_its_model() {
+        let number =
+            SharedNumber { name: "LCL.k".into(), mean: 0.5, sd: 0.8, before: [0.0, 1.0, 2.0], after: [0.7, 1.5, 2.3] };
+        let (schema, from, numbers) = (SCHEMA.to_owned(), vec!["B left".to_owned()], vec![number]);
+        let shared = Shared { schema, knee: None, from, file: Some("b.json".into()), numbers };
+        let usual = CalibrateOptions::default();
+        let with = CalibrateOptions { shared_prior: Some(SharedPrior::Read(Box::new(shared))), ..usual.clone() };
+        let alone = CalibratedSpec { to: vec!["kla".into()], from: String::new(), reach: None, shared_prior: None };
+        let prior = SharedPriorSpec {
+            file: Some("c.json".into()),
+            digest: String::new(),
+            from: vec!["C left".into()],
+            numbers: 2,
+        };
+        let of_c = CalibratedSpec { shared_prior: Some(prior), ..alone.clone() };
+        for (options, model, named) in [
+            (&usual, None, None),
+            (&usual, Some(&alone), None),
+            (&usual, Some(&of_c), Some("(c.json: C left)")),
+            (&with, Some(&alone), Some("(b.json: B left)")),
+            // what the diagnosis itself takes counts
+            (&with, Some(&of_c), Some("(b.json: B left)")),
+        ] {
+            let words = of_others(options, model);
+            assert_eq!(words.is_some(), named.is_some(), "{words:?}");
+            assert!(named.is_none_or(|named| words.is_some_and(|w| w.contains(named))), "{named:?}");
+        }
+    }
 }

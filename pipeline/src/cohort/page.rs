@@ -1,5 +1,6 @@
 //! cohort.html: who failed and why, who needs a look, and every quantity across knees.
 
+use super::dependent::DependentTold;
 use super::knee::{Knee, Rows, Status};
 use super::outliers::{Outlier, by_quantity, median};
 use super::regions::{self, parted};
@@ -36,10 +37,10 @@ struct Dot {
     outlier: bool,
 }
 
-/// The page for the folder `out`, absolute. `dependent`: why knees are not independent, a sentence each.
+/// The page for the folder `out`, absolute. `dependent`: why knees are not independent.
 pub(super) fn page(
     knees: &[Knee],
-    (outliers, dependent): (&[Outlier], &[String]),
+    (outliers, dependent): (&[Outlier], &[DependentTold]),
     tables: &[Table],
     out: &Path,
 ) -> String {
@@ -111,11 +112,11 @@ fn failures(knees: &[Knee], out: &Path) -> String {
 }
 
 /// Why knees are not independent of each other; nothing where they are.
-fn not_independent(dependent: &[String]) -> String {
+fn not_independent(dependent: &[DependentTold]) -> String {
     if dependent.is_empty() {
         return String::new();
     }
-    let rows: String = dependent.iter().map(|words| format!("<li>{}</li>", escaped(words))).collect();
+    let rows: String = dependent.iter().map(|told| format!("<li>{}</li>", escaped(&told.message))).collect();
     format!("<section id=\"dependent\"><h2>Not independent</h2><ul>{rows}</ul></section>")
 }
 

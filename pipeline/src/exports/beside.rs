@@ -2,6 +2,7 @@
 
 use super::File;
 use crate::bands::Asking;
+use crate::cohort::shared;
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::simulate::SAMPLES;
@@ -29,6 +30,7 @@ pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
     let told = json!({
         "model": spec.id, "standing": standing(spec), "calibrated_to": to, "file": file,
         "digest": crate::model_file::digest(loaded), "program": env!("CARGO_PKG_VERSION"),
+        "not_independent": of_others(loaded),
     });
     let mut out = vec![("model.source.json".to_owned(), record::json(&told))];
     let Ok(model) = sim::compile(spec, &loaded.meshes) else { return Ok(out) };
@@ -40,15 +42,23 @@ pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
     Ok(out)
 }
 
-/// Names the model in the head of a text file that takes comments: Abaqus decks, XML.
+/// The sentence on other knees whose data are in the model's prior; none where no knee's are.
+fn of_others(loaded: &LoadedModel) -> Option<String> {
+    shared::sentence(loaded.spec.calibrated.as_ref()?.shared_prior.as_ref()?)
+}
+
+/// Names the model in the head of a text file that takes comments: Abaqus decks, XML. A line below says whose data are in its prior, if any are.
 pub(super) fn label((name, bytes): &mut File, loaded: &LoadedModel) {
-    let label = loaded.label().replace(['\n', '\r'], " ");
+    let lines: Vec<String> = [Some(loaded.label()), of_others(loaded)].into_iter().flatten().collect();
+    let lines = lines.iter().map(|line| line.replace(['\n', '\r'], " "));
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if name.ends_with(".inp") {
-        *bytes = format!("** {label}\n{text}").into_bytes();
+        let head: String = lines.map(|line| format!("** {line}\n")).collect();
+        *bytes = (head + text).into_bytes();
     } else if let Some((first, rest)) = text.split_once('\n').filter(|(first, _)| first.starts_with("<?xml")) {
         // two hyphens end a comment of XML
-        *bytes = format!("{first}\n<!-- {} -->\n{rest}", label.replace("--", "- -")).into_bytes();
+        let head: String = lines.map(|line| format!("<!-- {} -->\n", line.replace("--", "- -"))).collect();
+        *bytes = format!("{first}\n{head}{rest}").into_bytes();
     }
 }
 
