@@ -1,7 +1,8 @@
 //! The 90 N drawer of models beside cadavers: intact, without ACL, and without ACL and ALS. `cargo run --release --example drawers -- MODEL...`
 //!
 //! Prints a table a model: how far the tibia comes forward of its unloaded pose, the cadavers' mean and scatter, how many scatters off the model is.
-//! The cadavers are twelve knees [drawer2020, table 1]. Last stands the drawer at which it gives way without ACL.
+//! The cadavers are twelve knees [drawer2020, table 1]. Last stands the drawer at which it gives way without ACL. A knee without equilibrium is a
+//! row that says so, and counts as unlike the cadavers.
 //! Behind these tables stands a second one a model, of rotations, varus and valgus, and the posterior drawer: cadavers.csv.
 //! docs/drawers.md holds the tables.
 #![expect(clippy::print_stderr, clippy::print_stdout, reason = "a table for the reader")]
@@ -11,6 +12,7 @@ mod rows;
 
 use genu::error::BuildError;
 use genu::model_file;
+use sim::SimError;
 use sim::coordinate::{AP, Load};
 use sim::laxity::{LaxityTrial, Test};
 use sim::model::{Model, compile};
@@ -46,6 +48,11 @@ const ALIKE: f64 = 2.0;
 const STEPS: (f64, u8) = (10.0, 15);
 /// A knee gives way where its tibia comes so much further within a step [mm]; ours: S192803 without ACL never does.
 const GIVES_MM: f64 = 5.0;
+/// What stands where the solver finds no pose.
+pub(crate) const NONE: &str = "no equilibrium";
+
+/// The answers of a state at a flexion, unloaded and drawn; none where there is no equilibrium.
+type Drawn = [Option<Answer>; 2];
 
 fn main() -> ExitCode {
     let models: Vec<String> = std::env::args().skip(1).collect();
@@ -66,7 +73,7 @@ fn main() -> ExitCode {
 
 fn table(path: &Path) -> Result<(), BuildError> {
     let loaded = model_file::load(path)?;
-    let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", path.display()));
+    let fault = |e: SimError| BuildError::File(format!("{}: {e}", path.display()));
     let intact = compile(&loaded.spec, &loaded.meshes).map_err(fault)?;
     // a model that has no ALS is not asked without it
     let has_als = loaded.spec.bundles.iter().any(|b| b.name == "ALS");
@@ -84,25 +91,37 @@ fn table(path: &Path) -> Result<(), BuildError> {
     for (k, (flexion, cadavers)) in CADAVERS.iter().enumerate() {
         let mut row = format!("| {flexion} ");
         for (state, of) in answers.iter().enumerate() {
-            let ([rest, drawn], [mean, sd]) = (&of[k], cadavers[state]);
-            let drawer = drawn.predicted()[AP] - rest.predicted()[AP];
-            let off = (drawer - mean) / sd;
-            alike[state] += usize::from(off.abs() <= ALIKE);
-            row += &format!("| {drawer:.1} | {mean} ({sd}) | {off:+.1} ");
+            let (told, is_alike) = cells(&of[k], cadavers[state]);
+            row += &told;
+            // a knee without equilibrium is not like a cadaver
+            alike[state] += usize::from(is_alike);
         }
-        let told = |state: &str, name: &str, a: &Answer| match a.flags.is_empty() {
-            true => None,
-            false => Some(format!("{state}, {name}: {}", sim::flags::sentences(&a.flags).join(", "))),
-        };
-        let flags = states.iter().zip(&answers).flat_map(|((state, _), of)| {
-            let [rest, drawn] = &of[k];
-            [told(state, "unloaded", rest), told(state, "drawn", drawn)]
-        });
-        println!("{row}| {} | {} |", gives[k], flags.flatten().collect::<Vec<_>>().join("; "));
+        let flags = states.iter().zip(&answers).flat_map(|((state, _), of)| odd(state, &of[k]));
+        println!("{row}| {} | {} |", gives[k], flags.collect::<Vec<_>>().join("; "));
     }
     let sums: Vec<String> = states.iter().zip(&alike).map(|((name, _), n)| format!("{name} {n} of 10")).collect();
     println!("\nwithin {ALIKE} sd: {}", sums.join(", "));
     Ok(())
+}
+
+/// Cells of a state at a flexion: drawer, cadavers, how far it is off; and whether it is like them.
+fn cells(drawn: &Drawn, [mean, sd]: [f64; 2]) -> (String, bool) {
+    let [Some(rest), Some(drawn)] = drawn else {
+        return (format!("| {NONE} | {mean} ({sd}) | "), false);
+    };
+    let drawer = drawn.predicted()[AP] - rest.predicted()[AP];
+    let off = (drawer - mean) / sd;
+    (format!("| {drawer:.1} | {mean} ({sd}) | {off:+.1} "), off.abs() <= ALIKE)
+}
+
+/// What is odd of a state at a flexion, in words.
+fn odd(state: &str, drawn: &Drawn) -> Vec<String> {
+    let named = ["unloaded", "drawn"].into_iter().zip(drawn);
+    let told = named.filter_map(|(name, answer)| {
+        let own = answer.as_ref().map_or_else(|| vec![NONE.to_owned()], |a| sim::flags::sentences(&a.flags));
+        (!own.is_empty()).then(|| format!("{state}, {name}: {}", own.join(", ")))
+    });
+    told.collect()
 }
 
 /// A drawer at a flexion.
@@ -121,19 +140,38 @@ fn gives_way(model: &Model) -> Vec<String> {
         // a step to a drawer without equilibrium has no length
         let gives = |pair: &[Option<f64>]| pair[0].zip(pair[1]).is_some_and(|(a, b)| b - a > GIVES_MM);
         let first = ap.windows(2).position(gives).map(|k| trials[k + 1].load[AP]);
-        first.map_or(format!("over {}", step * f64::from(count)), |n| format!("{n}"))
+        let lost = ap.iter().position(Option::is_none).map(|k| trials[k].load[AP]);
+        match (first, lost) {
+            (Some(n), _) => format!("{n}"),
+            // whether it gave way there is not known
+            (None, Some(n)) => format!("{NONE} at {n}"),
+            (None, None) => format!("over {}", step * f64::from(count)),
+        }
     };
     CADAVERS.iter().map(at).collect()
 }
 
 /// Unloaded and drawn at each flexion.
-fn drawn(model: &Model) -> Result<Vec<[Answer; 2]>, sim::SimError> {
+///
+/// Errors: what was asked is at fault.
+fn drawn(model: &Model) -> Result<Vec<Drawn>, SimError> {
     let trials: Vec<LaxityTrial> =
         CADAVERS.iter().flat_map(|(fe, _)| [asked(*fe, 0.0), asked(*fe, DRAWER_N)]).collect();
     let mut answers = solve_trials(model, &trials, &TrialOptions::default()).into_iter();
     let mut out = Vec::new();
     while let (Some(rest), Some(drawn)) = (answers.next(), answers.next()) {
-        out.push([rest?, drawn?]);
+        out.push([found(rest)?, found(drawn)?]);
     }
     Ok(out)
+}
+
+/// An answer; none where the solver finds no equilibrium.
+///
+/// Errors: what was asked is at fault.
+fn found(answer: Result<Answer, SimError>) -> Result<Option<Answer>, SimError> {
+    match answer {
+        Ok(answer) => Ok(Some(answer)),
+        Err(SimError::Solver(_)) => Ok(None),
+        Err(e) => Err(e),
+    }
 }

@@ -1,7 +1,7 @@
 //! Rotations, varus and valgus, and the posterior drawer of a model beside cadavers: the rows of cadavers.csv.
 
 use crate::rows::{Push, Row, Spread, rows};
-use crate::{ALIKE, COMPRESSION_N};
+use crate::{ALIKE, COMPRESSION_N, NONE};
 use genu::error::BuildError;
 use genu::model_file;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
@@ -55,7 +55,7 @@ fn line(row: &Row, answer: &Answered, off: Option<f64>) -> String {
     let (motion, flags) = match answer {
         Answered::Moved(moved) => (format!("{:.1} {}", moved.motion, row.unit), moved.flags.clone()),
         Answered::NotInModel(why) => ("not in the model".to_owned(), why.clone()),
-        Answered::Nowhere(why) => ("none".to_owned(), why.clone()),
+        Answered::Nowhere(why) => (NONE.to_owned(), why.clone()),
     };
     let off = off.filter(|off| off.is_finite()).map_or(String::new(), |off| format!("{off:+.1}"));
     let (source, test, cadavers) = (row.source_told(), row.test_told(), row.cadavers_told());

@@ -42,7 +42,12 @@ const ALL: [Entry; 25] = [
         make: made::<calibration::samples::Samples>,
     },
     Entry { name: "plan", version: plan::SCHEMA, what: "plan.json and plan --json", make: made::<plan::Outcome> },
-    Entry { name: "sweep", version: plan::SWEEP_SCHEMA, what: "plan --sweep --json", make: made::<plan::SweepTold> },
+    Entry {
+        name: "sweep",
+        version: plan::SWEEP_SCHEMA,
+        what: "sweep.json and plan --sweep --json",
+        make: made::<plan::SweepTold>,
+    },
     Entry { name: "next-tests", version: next_tests::SCHEMA, what: "next-tests --json", make: made::<NextTestsTold> },
     Entry { name: "log", version: "log/1", what: "a line of log.jsonl", make: made::<Record> },
     Entry { name: "simulate", version: schemas::SIMULATE, what: "simulate --json", make: made::<SimulateTold> },

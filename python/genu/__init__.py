@@ -32,7 +32,7 @@ cohort, cohort_infer
 simulate, calibrate, validate, diagnose, export, import_abaqus, import_opensim, import_febio
     Work with a model.
 plan, next_tests, credibility
-    A reconstruction before it is done; which tests to do next; what speaks for a knee's model.
+    A reconstruction before it is done, or many of which the best are sought; which tests to do next; what speaks for a knee's model.
 read_surface, read_hexahedra, read_table
     Open single files of a build.
 to_xarray; plots.laxity, plots.forces
@@ -42,7 +42,8 @@ run
 
 Classes
 -------
-Build, Model, Surface, Hexahedra, Frames, Calibration, Validation, Diagnosis, Plan, NextTests, Credibility, Check, Specimen, Cohort
+Build, Model, Surface, Hexahedra, Frames, Calibration, Validation, Diagnosis, Plan, Sweep, NextTests, Credibility, Check, Specimen,
+Cohort
 
 Errors
 ------
@@ -78,6 +79,7 @@ _HOMES = {
     "next_tests": "_asked",
     "credibility": "_asked",
     "Plan": "_asked",
+    "Sweep": "_asked",
     "NextTests": "_asked",
     "Credibility": "_asked",
     "check": "_specimens",

@@ -3,6 +3,7 @@ from genu._asked import (
     Credibility as Credibility,
     NextTests as NextTests,
     Plan as Plan,
+    Sweep as Sweep,
     credibility as credibility,
     next_tests as next_tests,
     plan as plan,

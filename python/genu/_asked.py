@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Optional, Sequence, Union
+from typing import Any, Mapping, Optional, Sequence, Union, overload
 
 from genu._build import Build
 from genu._call import Files, absolute, as_html, called, names, toml_text
@@ -14,7 +14,7 @@ from genu._model import ModelLike, model_at
 from genu._tables import read_table
 from genu._types import (
     Chance, Context, Evidence, Factor, FactorName, Grade, Frame, GraftPlan, GraftTold, Level, NextTest, Path, Place, PlanTest, Progress,
-    Spread, State, TestTold, Value,
+    RankedPlan, Spread, State, SweepKey, SweepLists, TestTold, Value,
 )
 
 
@@ -113,18 +113,115 @@ class Plan:
         return as_html("genu.Plan", {c["of"]: c["chance"] if c["chance"] is not None else c["most_probable"] for c in self.chances})
 
 
+@dataclass
+class Sweep:
+    """What :func:`plan` found of many plans.
+
+    Attributes
+    ----------
+    folder : str
+        Where sweep.csv, sweep.json and sweep.html are.
+    raw : dict
+        sweep.json as it stands.
+    """
+
+    folder: str
+    raw: dict[str, Any] = field(repr=False)
+
+    @property
+    def best(self) -> list[RankedPlan]:
+        """The best plans by rank, at most twenty, each with its choices and numbers."""
+        found: list[RankedPlan] = self.raw["best"]
+        return found
+
+    @property
+    def graft(self) -> str:
+        """The graft that is varied."""
+        return str(self.raw["graft"])
+
+    @property
+    def varied(self) -> dict[SweepKey, list[float]]:
+        """The choices, and the values of each."""
+        found: dict[SweepKey, list[float]] = self.raw["varied"]
+        return found
+
+    @property
+    def plans(self) -> int:
+        """How many plans were asked."""
+        return int(self.raw["plans"])
+
+    @property
+    def done(self) -> int:
+        """How many of them could be done; of each other the table has a ``fault``."""
+        return int(self.raw["done"])
+
+    @property
+    def samples(self) -> int:
+        """Samples of the posterior by which chances and intervals stand; 0 where there are none."""
+        return int(self.raw["samples"])
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is odd, in sentences; ``raw["notices"]`` has the same as values."""
+        found: list[str] = self.raw["warnings"]
+        return found
+
+    @property
+    def page(self) -> str:
+        """The path of sweep.html."""
+        return os.path.join(self.folder, "sweep.html")
+
+    def table(self) -> Frame:
+        """sweep.csv as a pandas frame: a row a plan, in the order of the values. ``table().sort_values("rank")`` has the best first."""
+        return read_table(os.path.join(self.folder, "sweep.csv"))
+
+    def _repr_html_(self) -> str:
+        def words(one: RankedPlan) -> str:
+            return ", ".join(f"{key} {value:g}" for key, value in one["choices"].items())
+
+        count = {"plans": f"{self.plans}, {self.done} could be done", "samples": self.samples}
+        return as_html("genu.Sweep", {**count, **{f"rank {one['rank']}": words(one) for one in self.best[:3]}})
+
+
+@overload
 def plan(
     model: ModelLike,
     graft: Union[Path, GraftPlan],
     out: Path,
     *,
+    sweep: None = None,
     samples: Optional[int] = None,
     seed: Optional[int] = None,
     force: bool = False,
     jobs: Optional[int] = None,
     progress: Progress = None,
-) -> Plan:
-    """Plan a ligament's reconstruction: cut, graft, and what the knee does then.
+) -> Plan: ...
+@overload
+def plan(
+    model: ModelLike,
+    graft: Union[Path, GraftPlan],
+    out: Path,
+    *,
+    sweep: Union[Path, SweepLists],
+    samples: Optional[int] = None,
+    seed: Optional[int] = None,
+    force: bool = False,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Sweep: ...
+def plan(
+    model: ModelLike,
+    graft: Union[Path, GraftPlan],
+    out: Path,
+    *,
+    sweep: Union[None, Path, SweepLists] = None,
+    samples: Optional[int] = None,
+    seed: Optional[int] = None,
+    force: bool = False,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Union[Plan, Sweep]:
+    """Plan a ligament's reconstruction: cut, graft, and what the knee does then; or many plans that differ in the choices of one graft.
 
     Parameters
     ----------
@@ -133,7 +230,10 @@ def plan(
     graft : dict, str or path-like
         What is cut and put in: a path of graft.toml, or its keys as a dict, such as ``{"cut": ["ACL"], "graft": [{...}]}``.
     out : str or path-like
-        Folder for plan.json, plan.csv and plan.html.
+        Folder for plan.json, plan.csv and plan.html; of a sweep for sweep.json, sweep.csv and sweep.html.
+    sweep : dict, str or path-like, optional
+        Ask many plans: a path of sweep.toml, or its keys as a dict, such as ``{"tension_n": [40, 80], "at_flexion_deg": [0, 20]}``.
+        Each value is asked with each value of the others.
     samples : int, optional
         Samples of the posterior by which mean and 90 % interval are told, where the model has any; 0 leaves them out.
     seed : int, optional
@@ -145,21 +245,24 @@ def plan(
 
     Returns
     -------
-    Plan
+    Plan, or Sweep where ``sweep`` is given
 
     Raises
     ------
     InputError
-        The plan or the model is at fault; ``file`` and ``row`` say where. A plan from memory is called ``graft``.
+        The plan, the sweep or the model is at fault; ``file`` and ``row`` say where. From memory they are called ``graft`` and ``sweep``.
+        Also a sweep of which no plan can be done: then sweep.csv in ``out`` has why, plan by plan.
     UsageError
     """
     place = absolute(out)
     path, files = model_at(model)
     words: list[Any] = ["plan", path, _toml_at(graft, "graft", files), "--out", place, "--json"]
+    words += ["--sweep", _toml_at(sweep, "sweep", files)] if sweep is not None else []
     words += ["--samples", samples] if samples is not None else []
     words += ["--seed", seed] if seed is not None else []
     words += ["--force"] if force else []
-    return Plan(place, json.loads(called(words, files, jobs=jobs, progress=progress)))
+    found = json.loads(called(words, files, jobs=jobs, progress=progress))
+    return Plan(place, found) if sweep is None else Sweep(place, found)
 
 
 @dataclass

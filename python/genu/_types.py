@@ -31,6 +31,11 @@ State = Literal["intact", "deficient", "reconstructed"]
 PlanTest = Literal[
     "unloaded", "anterior drawer", "posterior drawer", "internal rotation", "external rotation", "varus", "valgus", "pivot shift",
 ]
+SweepKey = Literal[
+    "femur_depth_percent", "femur_height_percent", "tibia_front_percent", "tibia_medial_percent",
+    "femur_forwards_mm", "femur_upwards_mm", "femur_lateral_mm", "tibia_forwards_mm", "tibia_upwards_mm", "tibia_lateral_mm",
+    "tension_n", "at_flexion_deg", "stiffness_n_per_mm",
+]
 Level = Literal["low", "medium", "high"]
 Grade = Literal["no-evidence", "weak", "adequate", "strong"]
 FactorName = Literal[
@@ -57,6 +62,8 @@ class WritesCsv(typing.Protocol):
 
 
 Place = Union[Path, HasFolder]
+# A list of numbers, or an array of them.
+Values = Union[Sequence[float], Array]
 # A frame of pandas or polars, a dict of columns, a list of dicts, or a path.
 Table = Union[Path, Frame, Mapping[Any, Any], Sequence[Mapping[Any, Any]], WritesCsv]
 
@@ -164,6 +171,36 @@ class GraftPlan(TypedDict, total=False):
     tests: PlanTests
 
 
+class SweepLists(TypedDict, total=False):
+    """sweep.toml as a dict: the values of each choice, of which all combinations are asked."""
+
+    graft: str
+    map: Sequence[SweepKey]
+    femur_depth_percent: Values
+    femur_height_percent: Values
+    tibia_front_percent: Values
+    tibia_medial_percent: Values
+    femur_forwards_mm: Values
+    femur_upwards_mm: Values
+    femur_lateral_mm: Values
+    tibia_forwards_mm: Values
+    tibia_upwards_mm: Values
+    tibia_lateral_mm: Values
+    tension_n: Values
+    at_flexion_deg: Values
+    stiffness_n_per_mm: Values
+
+
+class RankedPlan(TypedDict):
+    """One of the best plans of a sweep. ``plan`` is its number in the table, ``numbers`` are its numbers by their columns there."""
+
+    rank: int
+    plan: int
+    choices: dict[SweepKey, float]
+    numbers: dict[str, Optional[float]]
+    flags: list[str]
+
+
 class Value(TypedDict):
     """A number of the most probable knee, with mean and 90 % interval over the samples where there are any."""
 
@@ -174,7 +211,7 @@ class Value(TypedDict):
 
 
 class TestTold(TypedDict):
-    """A test of a plan. ``load`` is VV, IE [N m], ML, AP, SI [N]."""
+    """A test of a plan. ``load`` is VV, IE [N m], ML, AP, SI [N]; ``chance`` is a share of the samples, None where there are none."""
 
     test: PlanTest
     flexion_deg: float
@@ -182,6 +219,7 @@ class TestTold(TypedDict):
     states: dict[State, dict[str, Value]]
     flags: dict[State, list[str]]
     off: dict[str, Value]
+    chance: Optional[float]
 
 
 class GraftTold(TypedDict):

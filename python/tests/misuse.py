@@ -1,5 +1,7 @@
 """Calls that are wrong: mypy and pyright tell each before anything runs (test_types.py). Nobody runs this file."""
 
+import numpy
+
 import genu
 
 model = genu.Model("model.json")
@@ -28,6 +30,12 @@ genu.build("knee", progress="bar")  # wrong: progress
 genu.check("knee").inputs[0]["status"]  # wrong: key
 genu.plan(model, {"cuts": ["ACL"]}, "out")  # wrong: key
 genu.plan(model, "graft.toml", "out").value("drawer", 30, "intact")  # wrong: test
+genu.plan(model, "graft.toml", "out", sweep={"tension": [40.0]})  # wrong: key
+genu.plan(model, "graft.toml", "out", sweep={"tension_n": 40.0})  # wrong: no list
+genu.plan(model, "graft.toml", "out", sweep={"tension_n": [40.0], "map": ["tension"]})  # wrong: choice of a map
+genu.plan(model, "graft.toml", "out", sweep="sweep.toml").value("varus", 30, "intact")  # wrong: a sweep has none
+genu.plan(model, "graft.toml", "out").best  # wrong: one plan has no best
+genu.plan(model, "graft.toml", "out", sweep="sweep.toml").best[0]["choices"]["tension"]  # wrong: key
 genu.next_tests(model, "ACL", count="six")  # wrong: count
 genu.credibility("knee", context={"influence": "much"})  # wrong: level
 genu.credibility("knee").grade("inputs")  # wrong: factor
@@ -57,3 +65,6 @@ if samples is not None:
 genu.build(genu.init("knee", ["femur.stl"]), to="bones", progress=True)
 genu.plan(model, {"cut": ["ACL"]}, "out", samples=0).value("anterior drawer", 30, "deficient")
 genu.credibility(genu.Build("knee"), context={"influence": "medium"}).grade("model-inputs")
+swept = genu.plan(model, {"cut": ["ACL"]}, "out", sweep={"tension_n": numpy.arange(20, 100, 20), "at_flexion_deg": [0, 20.0], "map": ["tension_n", "at_flexion_deg"]})
+swept.table().sort_values("rank")["chance"].head(len(swept.best))
+genu.plan(model, "graft.toml", "out", sweep="sweep.toml", samples=8).best[0]["choices"]["tension_n"] * 2

@@ -80,6 +80,69 @@ def test_a_plan_at_fault_is_told_with_its_place(model, tmp_path):
         found.value("varus", 45, "intact")
 
 
+SWEEP = {"femur_forwards_mm": [-4, 0], "tension_n": [20, 40]}
+SWEEP_TOML = "femur_forwards_mm = [-4.0, 0.0]\ntension_n = [20.0, 40.0]\n"
+
+
+def test_many_plans_have_the_commands_numbers_and_the_best_comes_first(calibration, tmp_path):
+    (tmp_path / "graft.toml").write_text(GRAFT_TOML)
+    (tmp_path / "sweep.toml").write_text(SWEEP_TOML)
+    words = ["plan", calibration.model.file, tmp_path / "graft.toml", "--sweep", tmp_path / "sweep.toml", "--samples", 4]
+    told = command(*words, "--out", tmp_path / "command")
+    found = genu.plan(calibration, GRAFT, tmp_path / "python", sweep=SWEEP, samples=4)
+    # paths of the results are their own
+    assert {**found.raw, "file": None, "page": None} == {**told, "file": None, "page": None}
+    assert (tmp_path / "python" / "sweep.csv").read_bytes() == (tmp_path / "command" / "sweep.csv").read_bytes()
+    assert isinstance(found, genu.Sweep) and os.path.isfile(found.page) and found.samples == 4
+    assert found.graft == "hamstring" and found.varied == SWEEP and found.plans == 4 and len(found.best) == found.done
+    # the best by rank are the table's, number for number
+    table = found.table()
+    assert list(table.columns) == found.raw["columns"] and list(table["plan"]) == [1, 2, 3, 4]
+    ranked = table.dropna(subset=["rank"]).sort_values("rank")
+    assert [one["plan"] for one in found.best] == list(ranked["plan"])
+    for one, (_, row) in zip(found.best, ranked.iterrows(), strict=True):
+        assert one["choices"] == {key: row[key] for key in SWEEP}
+        for name, number in one["numbers"].items():
+            # a number that is not there is an empty cell; the table has four digits
+            assert pandas.isna(row[name]) if number is None else row[name] == pytest.approx(number, abs=1e-4), name
+    # the row of a plan is that plan
+    alone = genu.plan(calibration, GRAFT, tmp_path / "alone", samples=4)
+    assert isinstance(alone, genu.Plan)
+    same = next(one for one in found.best if one["choices"] == {"femur_forwards_mm": 0, "tension_n": 40})
+    assert same["numbers"]["slack_length_mm"] == alone.grafts[0]["slack_length_mm"]
+    assert same["numbers"]["chance_varus_30"] == next(t["chance"] for t in alone.tests if t["test"] == "varus")
+
+
+def test_a_sweep_at_fault_is_told_with_its_place_and_writes_nothing(model, tmp_path):
+    (tmp_path / "sweep.toml").write_text("\ntenshun_n = [40]\n")
+    with pytest.raises(genu.GenuError, match="no key tenshun_n; did you mean tension_n") as told:
+        genu.plan(model, GRAFT, tmp_path / "none", sweep=tmp_path / "sweep.toml")
+    error = told.value
+    assert isinstance(error, genu.InputError) and error.code == "file" and error.stage is None and error.advice
+    assert (error.file, error.row) == (str(tmp_path / "sweep.toml"), 2)
+    # from memory a line is a key
+    for sweep, row, words in [
+        ({"tension_n": [40], "tenshun_n": [40]}, 2, "no key tenshun_n"),
+        ({"tension_n": 40}, 1, "expected a list of numbers"),
+        ({"at_flexion_deg": [20], "tension_n": [40, 4000]}, 2, "expected 1 to 500"),
+        ({"tension_n": [40, 40.0]}, 1, "twice"),
+        ({}, None, "nothing is varied"),
+    ]:
+        with pytest.raises(genu.InputError, match=words) as told:
+            genu.plan(model, GRAFT, tmp_path / "none", sweep=sweep)
+        assert (told.value.file, told.value.row) == ("sweep", row), sweep
+    assert not (tmp_path / "none").exists()
+
+
+def test_where_no_plan_can_be_done_the_table_says_why(model, tmp_path):
+    numpy = pytest.importorskip("numpy")
+    with pytest.raises(genu.InputError, match="none of the 2 plans could be done") as told:
+        genu.plan(model, GRAFT, tmp_path, sweep={"stiffness_n_per_mm": [0.1], "tension_n": numpy.array([400.0, 500.0])}, samples=0)
+    assert told.value.file == "graft"
+    table = genu.read_table(tmp_path / "sweep.csv")
+    assert len(table) == 2 and table["fault"].str.contains("out of reach").all() and table["rank"].isna().all()
+
+
 def test_next_tests_are_those_of_the_command(calibration, tmp_path):
     words = ["next-tests", calibration.model.file, "--for", "LCL", "--count", 3, "--compression", 40, "--noise-mm", 0.5, "--single"]
     told = command(*words, "--out", tmp_path / "command.csv")
@@ -144,6 +207,7 @@ def test_what_cannot_be_kept_is_told_before_the_model_is_read(tmp_path):
         "calibrate/model.json": lambda out: genu.calibrate(nowhere, trials, out),
         "diagnose/diagnosis.json": lambda out: genu.diagnose(nowhere, {"kla": trials}, out),
         "plan/plan.json": lambda out: genu.plan(nowhere, {"cut": ["ACL"]}, out),
+        "sweep/sweep.json": lambda out: genu.plan(nowhere, GRAFT, out, sweep=SWEEP),
         "cohort/knees.csv": lambda out: genu.cohort([tmp_path / "nothing"], out),
     }.items():
         file = tmp_path / name

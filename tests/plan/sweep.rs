@@ -243,3 +243,22 @@ fn a_sweep_that_means_nothing_is_one_clear_error_and_writes_nothing() {
     asked(folder.path(), &of, "a", &["--map"]).code(2).stderr(contains("cannot be used with"));
     build_model().args(["plan", "--sweep-example"]).assert().success().stdout(contains("femur_depth_percent"));
 }
+
+#[test]
+fn what_a_sweep_could_not_keep_is_told_before_the_knee_is_read() {
+    let of = given(&few(), "tension_n = [40]\n");
+    let nowhere = of.path().join("nowhere");
+    for name in ["sweep.csv", "sweep.json", "sweep.html"] {
+        let out = TempDir::new().unwrap();
+        let run = |more: &[&str]| asked(&nowhere, &of, &out.path().display().to_string(), more).code(1);
+        // results of one plan are in nobody's way
+        write(&out.path().join("plan.json"), "by hand");
+        run(&[]).stderr(contains("nowhere"));
+        let file = out.path().join(name);
+        write(&file, "by hand");
+        run(&[]).stderr(contains("--force")).stderr(contains(name));
+        // with it the next fault is the knee's
+        run(&["--force"]).stderr(contains("nowhere"));
+        assert_eq!(text(&file), "by hand");
+    }
+}

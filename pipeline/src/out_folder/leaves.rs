@@ -53,6 +53,9 @@ const MODEL: &[&str] = &["model.json"];
 const OF_COHORT: [&str; 8] =
     ["knees", "stages", "warnings", "quantities", "outliers", "parameters", "forces", "laxity"];
 
+/// Of many plans; one plan has its own in [`SURE`].
+const OF_SWEEP: [&str; 3] = ["sweep.csv", "sweep.json", "sweep.html"];
+
 /// Of a diagnosis, and of an atlas.
 const OF_DIAGNOSIS: [&[&str]; 2] = [&["diagnosis.json", "report.html", "model.json"], &["atlas.json", "atlas.html"]];
 
@@ -77,7 +80,7 @@ pub(super) fn of(verb: &str, matches: &ArgMatches) -> Leaves {
             perhaps = if is_atlas { vec![] } else { owned(&["components/*.toml"]) };
         }
         "plan" if is_set(matches, "example") || is_set(matches, "sweep_example") => sure = vec![],
-        "plan" if matches.try_contains_id("sweep").unwrap_or(false) => sure = owned(&["sweep.csv", "sweep.html"]),
+        "plan" if matches.try_contains_id("sweep").unwrap_or(false) => sure = owned(&OF_SWEEP),
         "plan" if is_set(matches, "map") => sure.push("map.csv".to_owned()),
         _ => {}
     }
@@ -115,7 +118,8 @@ mod tests {
         assert!(!has(&plan, "map.csv") && has(&[&plan[..], &["--map"]].concat(), "map.csv"));
         assert_eq!(left(&["plan", "--example"]), Leaves::default());
         let sweep = [&plan[..], &["--sweep", "sweep.toml"]].concat();
-        assert!(has(&sweep, "sweep.csv") && !has(&sweep, "plan.json") && !has(&plan, "sweep.csv"));
+        assert_eq!(left(&sweep).sure, OF_SWEEP);
+        assert!(OF_SWEEP.iter().all(|name| !has(&plan, name)));
         assert_eq!(left(&["plan", "--sweep-example"]), Leaves::default());
         let diagnose = ["diagnose", "KNEE", "--measured", "kla=kla.csv", "--out", "d"];
         let atlas = [&diagnose[..], &["--atlas"]].concat();

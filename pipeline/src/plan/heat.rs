@@ -8,6 +8,8 @@ use std::fmt::Write;
 const FIELD: [f64; 2] = [76.0, 40.0];
 /// Room for the axes left of the fields and below them [pixels].
 const ROOM: [f64; 2] = [84.0, 48.0];
+/// A letter of an axis' name takes so much of its line [pixels]; ours: half of the type's size and a little more.
+const LETTER: f64 = 7.0;
 /// Colour of the most, as the first of a figure's colours [okabe2008]; the least is white.
 const MOST: [f64; 3] = [0.0, 114.0, 178.0];
 /// From this share of the most on a number is white on its field [-]: there white has the larger contrast, above 4.5 on either side.
@@ -37,13 +39,16 @@ pub(super) fn section(maps: &[Map]) -> String {
 pub(super) fn heat(map: &Map, title: &str, digits: usize, value: impl Fn(&Cell) -> Option<f64>) -> String {
     let [across, up] = [0, 1].map(|k| values(map, k));
     let (width, height) = (FIELD[0] * across.len() as f64, FIELD[1] * up.len() as f64);
+    // a name may be longer than its axis
+    let [wide, tall] = [map.axes[0], map.axes[1]].map(|name| LETTER * name.chars().count() as f64);
+    let size = [(ROOM[0] + width + 2.0).max(wide), (height + ROOM[1] + 2.0).max(tall)];
     let all: Vec<f64> = map.cells.iter().filter_map(&value).collect();
     let [least, most] = [all.iter().copied().fold(f64::INFINITY, f64::min), all.iter().copied().fold(0.0, f64::max)];
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0} {:.0}\" role=\"img\" aria-label=\"{}\" font-family=\"sans-serif\" \
          font-size=\"13\" text-anchor=\"middle\">",
-        ROOM[0] + width + 2.0,
-        height + ROOM[1] + 2.0,
+        size[0],
+        size[1],
         escaped(title)
     );
     let middle = |k: usize, size: f64| (k as f64 + 0.5) * size;
@@ -70,9 +75,15 @@ pub(super) fn heat(map: &Map, title: &str, digits: usize, value: impl Fn(&Cell) 
         let _ = write!(text, "<text x=\"{}\" y=\"{}\">{y}</text>", ROOM[0] - 24.0, middle(k, FIELD[1]) + 4.0);
     }
     let (below, beside) = (escaped(map.axes[0]), escaped(map.axes[1]));
-    let _ = write!(text, "<text x=\"{}\" y=\"{}\">{below}</text>", ROOM[0] + width / 2.0, height + 38.0);
-    let _ = write!(text, "<text transform=\"translate(16 {}) rotate(-90)\">{beside}</text></svg>", height / 2.0);
+    let [x, y] = [within(ROOM[0] + width / 2.0, wide, size[0]), within(height / 2.0, tall, size[1])];
+    let _ = write!(text, "<text x=\"{x}\" y=\"{}\">{below}</text>", height + 38.0);
+    let _ = write!(text, "<text transform=\"translate(16 {y}) rotate(-90)\">{beside}</text></svg>");
     text
+}
+
+/// The middle of a name that is so long, next to where it is wanted, so that all of it is in the picture [pixels].
+fn within(wanted: f64, long: f64, size: f64) -> f64 {
+    wanted.max(0.5 * long).min(size - 0.5 * long)
 }
 
 /// A field with its number and share of the most; without them it says so.
@@ -154,5 +165,35 @@ mod tests {
         }
         let shares = [1.0, 2.0, 3.0].map(|v| share(v, [1.0, 3.0]));
         assert!(shares == [0.0, 0.5, 1.0] && share(2.0, [2.0, 2.0]) == 0.0);
+    }
+
+    #[test]
+    fn a_name_longer_than_its_axis_is_in_the_picture_and_a_short_one_in_the_middle() {
+        let map = |axes| Map {
+            of: "sweep",
+            graft: "g".into(),
+            axes,
+            planned: [0.0; 2],
+            cells: [0.0, 20.0]
+                .map(|y| Cell { at: [40.0, y], quadrant_percent: None, found: Some([1.0, 1.0]) })
+                .to_vec(),
+        };
+        let after =
+            |svg: &str, from: &str, to: char| svg.rsplit(from).next().unwrap().split(to).next().unwrap().to_owned();
+        let drawn = |name: &'static str| {
+            let svg = heat(&map([name; 2]), "title", 0, |c| c.found.map(|f| f[0]));
+            let size = after(&svg, "viewBox=\"0 0 ", '"');
+            let size: Vec<f64> = size.split(' ').map(|x| x.parse().unwrap()).collect();
+            let middle = [after(&svg, "<text x=\"", '"'), after(&svg, "translate(16 ", ')')];
+            (middle.map(|x| x.parse::<f64>().unwrap()), size)
+        };
+        for name in ["N", "fixed at flexion, deg", "femur: height downwards from the roof, %"] {
+            let (middle, size) = drawn(name);
+            let half = 0.5 * LETTER * name.len() as f64;
+            for k in 0..2 {
+                assert!(middle[k] >= half && middle[k] + half <= size[k] + 0.5, "{name}: {middle:?} of {size:?}");
+            }
+        }
+        assert_eq!(drawn("N").0, [ROOM[0] + FIELD[0] / 2.0, FIELD[1]]);
     }
 }

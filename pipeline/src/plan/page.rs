@@ -104,7 +104,7 @@ fn grafts(out: &Outcome) -> String {
     });
     let header = words(&[
         "graft",
-        "femur: depth and height, % (quadrant)",
+        "femur: depth from the back and height downwards, % (quadrant)",
         "tibia: from the front and from medial, %",
         "length in CT, mm",
         "slack length, mm",

@@ -38,7 +38,7 @@ fn site(s: &SiteFile) -> String {
     let place = match (&s.native, s.point_mm, s.quadrant_percent, s.plateau_percent) {
         (Some(name), ..) => format!("native {name}"),
         (_, Some(p), ..) => format!("point {} mm in the frame of the CT", list(&p)),
-        (_, _, Some(p), _) => format!("quadrant: depth and height {} %", list(&p)),
+        (_, _, Some(p), _) => format!("quadrant: depth from the back and height downwards {} %", list(&p)),
         (_, _, _, Some(p)) => format!("plateau: from the front and from medial {} %", list(&p)),
         _ => "none".into(),
     };

@@ -28,7 +28,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Version of `plan --sweep --json`.
+/// Version of sweep.json.
 pub const SCHEMA: &str = "sweep/1";
 
 /// So many of the best plans are told [-]; ours: a page has room for them.
@@ -38,7 +38,7 @@ const ON_A_TERMINAL: usize = 3;
 /// What `--json` prints, as a file beside the table: its warnings hold for all of its rows.
 const BESIDE: &str = "sweep.json";
 
-/// `plan --sweep --json`.
+/// sweep.json.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SweepTold {
     /// sweep/1
@@ -101,7 +101,6 @@ pub(super) fn swept(
         BuildError::At { place: Place::of(file), told: format!("{}: {what}", file.display()) }
     };
     let ground = Ground::new(&loaded.spec, &loaded.meshes, base).map_err(plan_fault)?;
-    store::written::are_free(&args.out, [BESIDE.to_owned()])?;
     let all = sweep.all();
     // a site that is none is told before anything is solved
     let placed = |values: &Vec<f64>| {
@@ -273,9 +272,13 @@ fn in_words((sweep, base): (&Sweep, &PlanFile), rows: &[Row], told: &SweepTold) 
             _ => "not every test like the intact knee".to_owned(),
         };
         let off = r.number("anterior_drawer_most_off_mm").map_or("none".into(), |x| format!("{x:.1} mm"));
-        let place = r.rank.unwrap_or_default();
-        let _ =
-            writeln!(text, "{place}: {}: {chance}, furthest off in an anterior drawer {off}", sweep.words(&r.values));
+        let bears = r.number("unloaded_force_n").zip(r.number("unloaded_force_at_deg"));
+        let bears = bears.map_or("none".into(), |(n, deg)| format!("{n:.0} N at {deg} deg"));
+        let (place, choices) = (r.rank.unwrap_or_default(), sweep.words(&r.values));
+        let _ = writeln!(
+            text,
+            "{place}: {choices}: {chance}, furthest off in an anterior drawer {off}, most graft force unloaded {bears}"
+        );
     }
     text
 }

@@ -35,8 +35,8 @@ const fn choice(key: &'static str, label: &'static str, what: What) -> Choice {
 
 /// All choices, in the order of their columns.
 pub(super) const CHOICES: [Choice; 13] = [
-    choice("femur_depth_percent", "femur: depth, %", What::Percent(Bone::Femur, 0)),
-    choice("femur_height_percent", "femur: height, %", What::Percent(Bone::Femur, 1)),
+    choice("femur_depth_percent", "femur: depth from the back, %", What::Percent(Bone::Femur, 0)),
+    choice("femur_height_percent", "femur: height downwards, %", What::Percent(Bone::Femur, 1)),
     choice("tibia_front_percent", "tibia: from the front, %", What::Percent(Bone::Tibia, 0)),
     choice("tibia_medial_percent", "tibia: from medial, %", What::Percent(Bone::Tibia, 1)),
     choice("femur_forwards_mm", "femur: forwards, mm", What::Move(Bone::Femur, 0)),

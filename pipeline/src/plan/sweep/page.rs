@@ -208,7 +208,7 @@ fn best(sweep: &Sweep, base: &PlanFile, rows: &[Row], samples: usize) -> String 
     };
     format!(
         "<h2>{title}</h2><p>Ranked by the chance that every loaded test is like the intact knee, then by that of the anterior drawers, then by how far \
-         off they are.{told}</p>{}",
+         off they are. What the graft bears unloaded, and the contact, have no part in it: look at their columns.{told}</p>{}",
         table(&header, all.iter().take(BEST).map(line))
     )
 }
