@@ -8,7 +8,7 @@ use crate::explicit::options::ExplicitOptions;
 use crate::laxity::{LaxityTrial, Test, TrialResult};
 use crate::model::Model;
 use crate::quasistatic::Phase;
-use crate::trials::{Path, TrialOptions, chain_flexion};
+use crate::trials::{Answer, Path, TrialOptions, chain_flexion};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -177,17 +177,23 @@ fn quasi_static(model: &Model, legs: &[Leg], o: &ProtocolOptions) -> Result<Vec<
     let mut rows = Vec::with_capacity(legs.len());
     for leg in legs {
         let flexion = chain_flexion(model, leg.trial.fe_deg, &o.trials)?;
-        let load = leg.trial.load.generalised();
-        match leg.going {
-            None => path.load(flexion, &load)?,
-            Some((seconds, steps)) => {
-                let flow = Some((seconds, o.trials.flowing()));
-                path.follow(&Phase { flexion, load, load_from: 0.0, flow, steps })?;
-            }
-        }
-        rows.push(path.rest()?.result(&leg.trial));
+        let answer = gone(&mut path, (leg, flexion), o).map_err(|e| e.of_trial(&leg.trial.trial))?;
+        rows.push(answer.result(&leg.trial));
     }
     Ok(rows)
+}
+
+/// Goes a part of a path to its flexion of the chain [rad], and rests there.
+fn gone(path: &mut Path, (leg, flexion): (&Leg, f64), o: &ProtocolOptions) -> Result<Answer, SimError> {
+    let load = leg.trial.load.generalised();
+    match leg.going {
+        None => path.load(flexion, &load)?,
+        Some((seconds, steps)) => {
+            let flow = Some((seconds, o.trials.flowing()));
+            path.follow(&Phase { flexion, load, load_from: 0.0, flow, steps })?;
+        }
+    }
+    path.rest()
 }
 
 /// Refuses numbers that mean nothing.

@@ -21,6 +21,10 @@ const DEG_PER_MM: f64 = 2.0;
 /// Equilibria that are further apart than this in a coordinate are two [mm or deg]; ours: friction holds a knee within less.
 const ANOTHER: f64 = 1.0;
 
+/// Times that a knee is held again where it falls further than a search for its rest goes [-]; ours: a knee without ACL and ALS that slides off its
+/// plateau comes to rest within the first.
+const MOST_HOLDS: usize = 2;
+
 /// Flexions that can be asked for [deg]. Ours: farther than any knee bends.
 pub const FLEXION_DEG: [f64; 2] = [-30.0, 160.0];
 
@@ -292,7 +296,19 @@ impl<'a> Path<'a> {
             steps: o.increments[1],
         };
         self.follow(&phase)?;
-        self.follow(&Phase { load_from: 0.0, flow: Some((o.hold_s, o.flowing())), steps: o.increments[2], ..phase })
+        self.hold(flexion)
+    }
+
+    /// Holds a flexion and the loads as they are.
+    fn hold(&mut self, flexion: f64) -> Result<(), SimError> {
+        let o = self.options;
+        self.follow(&Phase {
+            flexion,
+            load: self.load,
+            load_from: 0.0,
+            flow: Some((o.hold_s, o.flowing())),
+            steps: o.increments[2],
+        })
     }
 
     /// Follows a phase.
@@ -306,10 +322,17 @@ impl<'a> Path<'a> {
         Ok(())
     }
 
-    /// The equilibrium where the path stands; the path goes on from there.
+    /// The equilibrium where the path stands; the path goes on from there. A knee that falls further than one search goes is held again.
     pub(crate) fn rest(&mut self) -> Result<Answer, SimError> {
-        let goal = Goal { flexion: self.state.q[FE], load: self.load, flow: None };
-        let solved = increment_near(self.model, &self.state, &goal, &self.options.solver, true, &mut self.near)?;
+        let mut held = 0;
+        let solved = loop {
+            let goal = Goal { flexion: self.state.q[FE], load: self.load, flow: None };
+            match increment_near(self.model, &self.state, &goal, &self.options.solver, true, &mut self.near) {
+                Err(SimError::Solver(_)) if held < MOST_HOLDS => held += 1,
+                found => break found?,
+            }
+            self.hold(self.state.q[FE])?;
+        };
         self.evaluations += solved.evaluations;
         self.state = solved.state.clone();
         let gs = self.model.joint.grood_suntay(&solved.state.q);
