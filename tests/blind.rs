@@ -173,6 +173,41 @@ fn a_hard_bench_is_the_same_when_made_again_and_its_truth_tells_what_is_hard() {
     assert!((largest(&one) - 0.75 * largest(&plain)).abs() < 1e-6, "{} {}", largest(&one), largest(&plain));
 }
 
+/// Rows of a file of readings.
+fn rows(file: &Path) -> usize {
+    text(file).lines().skip(1).count()
+}
+
+/// A knee may come out of its joint once it is cut. Then trials are left out of its files and of its truth alike, or the case is refused, and both are said.
+#[test]
+fn a_bench_of_cuts_has_each_trial_in_its_files_or_left_out_and_each_case_made_or_refused() {
+    let folder = TempDir::new().unwrap();
+    let (protocol, bench) = (folder.path().join("protocol.csv"), folder.path().join("cuts"));
+    write(&protocol, PROTOCOL);
+    let like = |name: &str| format!("{name}={}", protocol.display());
+    let mut command = build_model();
+    command.args(["blind", "make"]).arg(built().join("build/09-assemble/model.json"));
+    command.args(["--like", &like("kla"), "--like", &like("rks"), "--cuts", "1", "--before", "--out"]).arg(&bench);
+    let made = command.assert().success();
+    let said = String::from_utf8(made.get_output().stdout.clone()).unwrap();
+    let seals = json(&bench.join("bench.json"))["seals"].as_object().unwrap().clone();
+    assert_eq!(seals.len() + said.matches("is no test").count(), 5, "{said}");
+    for case in seals.keys() {
+        let truth = json(&bench.join(format!("{case}.truth.json")));
+        let left_out = truth["out_of_joint"].as_array().map_or(0, Vec::len);
+        let of = |ending: &str| ["kla", "rks"].map(|s| rows(&bench.join(case).join(format!("{s}{ending}.csv"))));
+        let read: usize = of("").iter().sum();
+        assert_eq!(read + left_out, 8, "{case}: {truth}");
+        assert_eq!(truth["signature"].as_array().unwrap().len(), read, "{case}");
+        assert!(left_out == 0 || said.contains(&format!("{left_out} of 8 trials left out")), "{said}");
+        // the whole knee read all of it
+        assert_eq!(of("_before"), [4, 4], "{case}");
+        let is_whole = truth["kind"] == "null";
+        assert_eq!(is_whole, truth["effects"].as_array().unwrap().is_empty(), "{case}");
+        assert!(!is_whole || left_out == 0, "{case}");
+    }
+}
+
 #[test]
 fn what_the_knee_read_before_is_the_same_knee_on_another_day_and_its_case_is_as_without() {
     let folder = TempDir::new().unwrap();

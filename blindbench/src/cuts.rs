@@ -71,6 +71,7 @@ mod tests {
             differs: None,
             signature: vec![],
             strength: Strength::default(),
+            out_of_joint: vec![],
         }
     }
 

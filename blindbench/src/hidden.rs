@@ -32,6 +32,11 @@ pub const CUT: [&str; 4] = ["ACL", "PCL", "sMCL", "LCL"];
 /// Name of a cut in a truth, as catalogues have it.
 pub(crate) const CUT_EFFECT: &str = "structure_loss";
 
+/// Whether a kind takes stiffness from a ligament: `cut_ACL`, or one that is drawn.
+pub fn is_cut(kind: &str) -> bool {
+    kind == CUT_EFFECT || cut(kind, 1.0).is_some()
+}
+
 /// A cut of the kind `cut_ACL`; none where a kind is no cut.
 pub(crate) fn cut(kind: &str, share: f64) -> Option<Hidden> {
     let structure = CUT.iter().position(|s| kind.strip_prefix("cut_") == Some(s))?;

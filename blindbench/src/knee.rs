@@ -6,7 +6,7 @@ use crate::over::Over;
 use crate::pose::{Five, Pose, components, pose, read};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
-use meshes::query::SurfaceQuery;
+use meshes::query::{Nearest, SurfaceQuery};
 use meshes::surface::TriMesh;
 use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -290,13 +290,7 @@ impl Knee {
         for (node, area) in near.iter().filter(|n| n.1 <= moved).map(|n| &self.contact.nodes[n.0]) {
             let arm = p.turn * node;
             let at = Point::from(arm + p.origin);
-            let near = self.contact.femur.nearest(&at);
-            let normal = self.contact.femur.smooth_normal(&near);
-            let depth = -(at - near.point).dot(&normal);
-            // beyond the rim the nearest point lies sideways: no contact there
-            if depth <= 0.0 || near.distance > DEEPEST || depth < 0.7 * near.distance {
-                continue;
-            }
+            let Some((near, normal)) = self.contact.pressed(&at) else { continue };
             let depth = near.distance;
             let out = if depth > 1e-9 { (near.point - at) / depth } else { normal };
             let k = self.contact.slope * self.contact_scale * area;
@@ -307,6 +301,14 @@ impl Knee {
             }
         }
         (energy, slope)
+    }
+
+    /// Whether any cartilage of the tibia bears at a pose.
+    pub(crate) fn bears(&self, flexion: f64, c: &Five) -> bool {
+        let p = pose(flexion, c);
+        let is_pressed =
+            |(node, _): &(Vector3<f64>, f64)| self.contact.pressed(&Point::from(p.turn * node + p.origin)).is_some();
+        self.contact.nodes.iter().any(is_pressed)
     }
 
     /// Energy of ligaments [N mm], and its slope by the five components.
@@ -404,6 +406,16 @@ fn toe(x: f64, slack: f64, k: f64) -> (f64, f64) {
 }
 
 impl Contact {
+    /// Where a point that is pressed into the femur is nearest to its surface, and the normal there; none where it is not pressed.
+    fn pressed(&self, at: &Point) -> Option<(Nearest, Vector3<f64>)> {
+        let near = self.femur.nearest(at);
+        let normal = self.femur.smooth_normal(&near);
+        let depth = -(at - near.point).dot(&normal);
+        // beyond the rim the nearest point lies sideways: no contact there
+        let is_pressed = depth > 0.0 && near.distance <= DEEPEST && depth >= 0.7 * near.distance;
+        is_pressed.then_some((near, normal))
+    }
+
     fn new(input: &KneeInput) -> Result<Contact, BenchError> {
         let (femur, tibia) = &input.frames;
         let to_femur = |p: &Point| Point::from(local(femur, p));

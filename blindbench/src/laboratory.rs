@@ -7,14 +7,14 @@ use crate::frames::{Frames, Repeat};
 use crate::knee::{Knee, KneeInput, Spread, normal};
 use crate::pose::components;
 use crate::read::Read;
-use crate::rest::{Path, rest, rest_followed};
+use crate::rest::{Path, is_out_of_joint, rest, rest_followed};
 use crate::tissue;
 use crate::unknown;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 pub use crate::draw::{cuts, every_kind, kinds};
 
@@ -62,6 +62,9 @@ pub struct Truth {
     pub signature: Vec<[f64; 5]>,
     /// Root mean square of it in noises, and the evidence an analysis can expect (filled in by the scorer).
     pub strength: Strength,
+    /// Trials, by their place in the plan from 0, in which a knee that is cut lies out of its joint: no laboratory reads them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub out_of_joint: Vec<usize>,
 }
 
 /// A knee's answer to loads that no trial of the plan has.
@@ -186,7 +189,7 @@ pub fn make_by(
     let frames = ways.repeat.drawn(&sources, seed);
     let read = |of| Read::new(of, &frames, &|knee| self::path(knee, plan));
     let subject = read((subject.as_ref().unwrap_or(&knee), own.as_ref().unwrap_or(&path)))?;
-    let with = simulate(&subject, plan, &effects, &mut random, true);
+    let Simulated { readings: with, mut out_of_joint } = simulate(&subject, plan, &effects, &mut random, true);
     let mut quiet = ChaCha8Rng::seed_from_u64(seed);
     let clean = |of: &Read, effects: &[(Hidden, String)], r: &mut ChaCha8Rng| simulate(of, plan, effects, r, false);
     let signature: Vec<[f64; 5]> = if effects.is_empty() {
@@ -194,10 +197,13 @@ pub fn make_by(
     } else {
         let sound = read((&knee, &path))?;
         let (a, b) = (clean(&subject, &effects, &mut quiet), clean(&sound, &[], &mut quiet));
-        a.iter().zip(&b).map(|(x, y)| std::array::from_fn(|c| x[c] - y[c])).collect()
+        out_of_joint.extend(&a.out_of_joint);
+        a.readings.iter().zip(&b.readings).map(|(x, y)| std::array::from_fn(|c| x[c] - y[c])).collect()
     };
-    let squares: f64 =
-        signature.iter().zip(plan).map(|(s, p)| (0..5).map(|c| (s[c] / p.sd[c]).powi(2)).sum::<f64>()).sum();
+    let is_read = |k: &usize| !out_of_joint.contains(k);
+    let square = |k: usize| (0..5).map(|c| (signature[k][c] / plan[k].sd[c]).powi(2)).sum::<f64>();
+    let squares: f64 = (0..plan.len()).filter(is_read).map(square).sum();
+    let count = 5 * (0..plan.len()).filter(is_read).count().max(1);
     let truth = Truth {
         case: name.to_owned(),
         kind: kind.to_owned(),
@@ -209,7 +215,8 @@ pub fn make_by(
         frames,
         differs: ways.differs.clone(),
         signature,
-        strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), ..Strength::default() },
+        strength: Strength { raw_rms_sd: (squares / count as f64).sqrt(), ..Strength::default() },
+        out_of_joint: out_of_joint.into_iter().collect(),
     };
     Ok(Case { readings: noisy(with, plan, &ways.noise, (&mut random, seed ^ ways.day)), truth })
 }
@@ -269,14 +276,22 @@ fn path(knee: &Knee, plan: &[Planned]) -> Path {
     Path::new(knee, last, compression)
 }
 
-/// Readings VV, IE [deg], ML, AP, SI [mm], without tracking noise.
+/// What a knee does in the trials of a plan.
+struct Simulated {
+    /// VV, IE [deg], ML, AP, SI [mm], without tracking noise.
+    readings: Vec<[f64; 5]>,
+    /// Places of the trials in which a knee that is cut lies out of its joint.
+    out_of_joint: BTreeSet<usize>,
+}
+
+/// The trials of a plan, done with a knee in which effects are hidden.
 fn simulate(
     read: &Read,
     plan: &[Planned],
     effects: &[(Hidden, String)],
     random: &mut ChaCha8Rng,
     load_noise: bool,
-) -> Vec<[f64; 5]> {
+) -> Simulated {
     let noise: Vec<[f64; 5]> = plan
         .iter()
         .map(|_| {
@@ -284,7 +299,9 @@ fn simulate(
             [100.0, 100.0, 2.0, 2.0, 2.0].map(|s| size * s * normal(random))
         })
         .collect();
-    let mut out: Vec<[f64; 5]> = plan
+    // a knee that is whole is asked by how far it opens, and drawn anew
+    let is_cut = effects.iter().any(|(h, _)| h.cuts().is_some());
+    let (mut out, is_out): (Vec<[f64; 5]>, Vec<bool>) = plan
         .par_iter()
         .zip(&noise)
         .map(|(p, noise)| {
@@ -300,22 +317,25 @@ fn simulate(
             (0..5).for_each(|j| asked.load[j] += noise[j]);
             let loaded = asked;
             let misread = |r: &[f64; 6]| here.iter().fold(*r, |r, h| h.misread(&loaded, &r));
-            let mut seen = misread(&rest_followed(knee, &here, &asked, path));
+            let mut lies = rest_followed(knee, &here, &asked, path);
+            let mut seen = misread(&lies);
             // the flexion that is recorded is the one that is read
             if (seen[0] - recorded).abs() > 1e-6 {
                 asked.flexion += recorded - seen[0];
-                seen = misread(&rest_followed(knee, &here, &asked, path));
+                lies = rest_followed(knee, &here, &asked, path);
+                seen = misread(&lies);
             }
-            [seen[1].to_degrees(), seen[2].to_degrees(), seen[3], seen[4], seen[5]]
+            let is_out = is_cut && is_out_of_joint(knee, &lies);
+            ([seen[1].to_degrees(), seen[2].to_degrees(), seen[3], seen[4], seen[5]], is_out)
         })
-        .collect();
+        .unzip();
     for (hidden, scope) in effects {
         let places: Vec<usize> = (0..plan.len()).filter(|&i| scope == "both" || *scope == plan[i].source).collect();
         if let Some((a, b)) = unknown::swapped(hidden, places.len()) {
             out.swap(places[a], places[b]);
         }
     }
-    out
+    Simulated { readings: out, out_of_joint: (0..plan.len()).filter(|k| is_out[*k]).collect() }
 }
 
 /// Tracking noise, correlated within a condition, with an outlier in a hundred, and with a drift where the laboratory has one.

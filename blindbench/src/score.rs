@@ -206,6 +206,7 @@ mod tests {
             differs: None,
             signature: vec![],
             strength: Strength { expected_evidence: 30.0, settled_evidence: 12.0, ..Strength::default() },
+            out_of_joint: vec![],
         };
         let unnamed = Said { verdict: "unnamed".into(), ..Said::default() };
         let struck = Said { without: vec!["itb".into()], ..unnamed.clone() };
@@ -233,6 +234,7 @@ mod tests {
             differs: None,
             signature: vec![],
             strength: strength(evidence),
+            out_of_joint: vec![],
         };
         let said = |verdict: &str| Said { verdict: verdict.into(), ..Said::default() };
         let score = score(
@@ -264,6 +266,7 @@ mod tests {
             differs: None,
             signature: vec![],
             strength: Strength::default(),
+            out_of_joint: vec![],
         };
         let struck = |verdict: &str, best: f64| Said {
             verdict: verdict.into(),
@@ -316,6 +319,7 @@ mod tests {
             differs: Some(differs.iter().map(|d| (*d).to_owned()).collect()),
             signature: vec![],
             strength: Strength { expected_evidence: evidence, ..Strength::default() },
+            out_of_joint: vec![],
         }
     }
 

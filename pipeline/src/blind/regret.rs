@@ -1,6 +1,5 @@
 //! Regret in a bench: by how much the search of an answer stays behind the truth.
 
-use super::middle;
 use crate::error::BuildError;
 use crate::store;
 use blindbench::asked::Hidden as Made;
@@ -53,6 +52,13 @@ pub(super) fn words(regrets: &[f64]) -> String {
     }
     let [half, most, all] = [0.5, 0.9, 1.0].map(|part| middle(regrets, part));
     format!("regret of {} searches: median {half:.1} nats, nine of ten to {most:.1}, most {all:.1}\n", regrets.len())
+}
+
+/// The value below which a part of some values lies.
+pub(super) fn middle(v: &[f64], part: f64) -> f64 {
+    let mut v = v.to_vec();
+    v.sort_by(f64::total_cmp);
+    v.get(((v.len() as f64 - 1.0) * part).max(0.0) as usize).copied().unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]
