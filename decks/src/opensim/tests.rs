@@ -17,7 +17,8 @@ const KNEE: &str = r#"<?xml version="1.0" encoding="UTF-8" ?>
 <WrapSphere name="on_patella"><radius>0.01</radius></WrapSphere></objects></WrapObjectSet></Body>
 </objects></BodySet>
 <JointSet name="jointset"><objects>
-<FreeJoint name="knee_r"><socket_parent_frame>/bodyset/femur_r</socket_parent_frame><socket_child_frame>/bodyset/tibia_r</socket_child_frame></FreeJoint>
+<FreeJoint name="knee_r"><socket_parent_frame>/bodyset/femur_r</socket_parent_frame><socket_child_frame>/bodyset/tibia_r</socket_child_frame>
+<coordinates><Coordinate name="rx"/><Coordinate name="ry"/><Coordinate name="rz"/><Coordinate name="tx"/><Coordinate name="ty"/><Coordinate name="tz"/></coordinates></FreeJoint>
 </objects></JointSet>
 <ContactGeometrySet name="contactgeometryset"><objects>
 <Smith2018ContactMesh name="femur_cartilage"><socket_frame>/bodyset/femur_r</socket_frame><mesh_file>femur.obj</mesh_file><elastic_modulus>5000000</elastic_modulus><poissons_ratio>0.45</poissons_ratio><thickness>0.002</thickness></Smith2018ContactMesh>
