@@ -162,6 +162,8 @@ pub struct Knee {
     pub(crate) contact_scale: f64,
     /// The CT pose, as read.
     pub(crate) ct: [f64; 6],
+    /// Whether a structure has lost stiffness: such a knee may come out of its joint.
+    is_weakened: bool,
 }
 
 struct Contact {
@@ -244,7 +246,7 @@ impl Knee {
         }
         let contact = Contact::new(input)?;
         let contact_scale = (spread.contact * normal(&mut random)).exp();
-        Ok(Knee { bundles, fibres, contact, contact_scale, ct: read(&ct) })
+        Ok(Knee { bundles, fibres, contact, contact_scale, ct: read(&ct), is_weakened: false })
     }
 
     /// The same knee, read in other frames.
@@ -266,6 +268,7 @@ impl Knee {
             contact: Contact { femur, mesh, nodes, slope: self.contact.slope },
             contact_scale: self.contact_scale,
             ct: read(&frames.pose(&pose(self.ct[0], &components(&self.ct)))),
+            is_weakened: self.is_weakened,
         })
     }
 

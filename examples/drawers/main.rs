@@ -2,7 +2,7 @@
 //!
 //! Prints a table a model: how far the tibia comes forward of its unloaded pose, the cadavers' mean and scatter, how many scatters off the model is.
 //! The cadavers are twelve knees [drawer2020, table 1]. Last stands the drawer at which it gives way without ACL. A knee without equilibrium is a
-//! row that says so, and counts as unlike the cadavers.
+//! row that says so, and counts as unlike the cadavers. So does one that is dislocated before it is drawn.
 //! Behind these tables stands a second one a model, of rotations, varus and valgus, and the posterior drawer: cadavers.csv.
 //! docs/drawers.md holds the tables.
 #![expect(clippy::print_stderr, clippy::print_stdout, reason = "a table for the reader")]
@@ -14,6 +14,7 @@ use genu::error::BuildError;
 use genu::model_file;
 use sim::SimError;
 use sim::coordinate::{AP, Load};
+use sim::flags::Flag;
 use sim::laxity::{LaxityTrial, Test};
 use sim::model::{Model, compile};
 use sim::trials::{Answer, TrialOptions, solve_trials};
@@ -111,7 +112,9 @@ fn cells(drawn: &Drawn, [mean, sd]: [f64; 2]) -> (String, bool) {
     };
     let drawer = drawn.predicted()[AP] - rest.predicted()[AP];
     let off = (drawer - mean) / sd;
-    (format!("| {drawer:.1} | {mean} ({sd}) | {off:+.1} "), off.abs() <= ALIKE)
+    // a way between two poses off the plateau may be of any length
+    let is_alike = off.abs() <= ALIKE && !rest.flags.contains(&Flag::Dislocated);
+    (format!("| {drawer:.1} | {mean} ({sd}) | {off:+.1} "), is_alike)
 }
 
 /// What is odd of a state at a flexion, in words.

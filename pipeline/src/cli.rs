@@ -72,7 +72,7 @@ enum Verb {
     Build(BuildArgs),
     /// Open the report of a build in the browser
     Open {
-        /// The specimen's or the build's folder, or a diagnosis' folder
+        /// The specimen's or the build's folder, or a diagnosis' or a plan's folder
         dir: PathBuf,
         /// Print its path only
         #[arg(long)]

@@ -272,7 +272,7 @@ pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, Vec<Notic
     let (mut sources, mut odd) = (Vec::<Source>::new(), Vec::new());
     for (name, path) in measured {
         if sources.iter().any(|s| s.name == *name) {
-            return Err(BuildError::Usage(format!("--measured {name} is given twice; names must differ")));
+            return Err(BuildError::Usage(format!("{name} is given twice; names of data sets must differ")));
         }
         let table = sim::laxity::read(&store::read(path)?).map_err(|e| {
             let file = path.display().to_string();

@@ -45,8 +45,10 @@ fn address(page: &Path) -> Result<String, BuildError> {
 /// Why a page has no live view, and what to do.
 fn why_without(page: &Path) -> &'static str {
     let beside = |name: &str| page.parent().is_some_and(|folder| store::exists(&folder.join(name)));
-    if PLANS.iter().any(|name| page.ends_with(name)) {
+    if page.ends_with(ONE_PLAN) {
         "the page says why, under \"Pull at the knee\""
+    } else if page.ends_with(MANY_PLANS) {
+        "it is of many plans; the page of one has it: plan the choice without --sweep, and open that folder"
     } else if beside(DIAGNOSIS) {
         "a surface that its model names is not there as triangles"
     } else {
@@ -56,8 +58,10 @@ fn why_without(page: &Path) -> &'static str {
 
 /// What a page with a live view has.
 const LIVE: &str = "id=\"live-module\"";
-/// The page of a plan's folder, and that of a folder with many plans.
-const PLANS: [&str; 2] = ["plan.html", "sweep.html"];
+/// The page of a plan's folder.
+const ONE_PLAN: &str = "plan.html";
+/// The page of a folder with many plans.
+const MANY_PLANS: &str = "sweep.html";
 
 /// The page of a folder. Of a build or a diagnosis: report.html, or what stands beside it where the last run came less far. Of a plan: plan.html; of many: sweep.html.
 fn page_of(dir: &Path) -> Result<PathBuf, BuildError> {
@@ -69,7 +73,8 @@ fn page_of(dir: &Path) -> Result<PathBuf, BuildError> {
         Ok(build) => build,
         // a plan may lie in a knee's folder: the knee's own report goes before it
         Err(why) => {
-            return PLANS.map(|name| dir.join(name)).into_iter().find(|page| store::exists(page)).ok_or(why);
+            let mut pages = [ONE_PLAN, MANY_PLANS].map(|name| dir.join(name)).into_iter();
+            return pages.find(|page| store::exists(page)).ok_or(why);
         }
     };
     last(&build).ok_or_else(|| {

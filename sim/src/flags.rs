@@ -28,7 +28,7 @@ const CONDYLE_END: f64 = 0.5;
 ///
 /// ACL: persons of 22 to 35 years [woo1991]. PCL: what [race1994] expects of young persons. MCL, as the superficial one: [cho2020]. LCL, PFL:
 /// [laprade2005]. ALS: [helito2016]. Of the deep MCL, POL and capsule no source was read: they have no flag.
-const FAILURE_N: [(&str, f64); 6] =
+pub const FAILURE_N: [(&str, f64); 6] =
     [("ACL", 2160.0), ("PCL", 4000.0), ("LCL", 295.0), ("PFL", 298.0), ("ALS", 204.8), ("sMCL", 498.5)];
 
 /// Where a femur has left its plateau; the fields of [`crate::trials::TrialOptions`] of the same names.

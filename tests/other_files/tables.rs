@@ -98,7 +98,7 @@ fn what_programs_put_around_a_table_is_taken_off_or_named() {
         let line = |(k, l): (usize, &str)| format!("{l}{}\n", if k == 0 { "" } else { end });
         table.lines().enumerate().map(line).collect::<String>()
     };
-    let cases: [Vec<u8>; 10] = [
+    let cases: [Vec<u8>; 12] = [
         wide,
         format!("sep=;\n{german}").into_bytes(),
         format!("# robot of 2019\n{good}").into_bytes(),
@@ -109,6 +109,9 @@ fn what_programs_put_around_a_table_is_taken_off_or_named() {
         ends(&good, ",").into_bytes(),
         ends(&good, ",,,").into_bytes(),
         ends(&german, ";").into_bytes(),
+        // rows of other lengths; separators behind the header alone
+        ends(&good, ",").replacen("-28.5,\n", "-28.5\n", 3).into_bytes(),
+        good.replacen("si_mm\n", "si_mm,,\n", 1).into_bytes(),
     ];
     for (k, bytes) in cases.iter().enumerate() {
         let table = trials(&with_laxity("k.csv", bytes));

@@ -187,6 +187,41 @@ fn the_ranks_go_by_the_chances_and_the_page_and_the_data_begin_with_the_best() {
 }
 
 #[test]
+fn a_graft_too_taut_keeps_its_rank_and_is_marked_wherever_its_plan_is_told() {
+    const MARK: &str = "hamstring beyond 250 N unloaded";
+    let (folder, ..) = knee();
+    let of = given(&few(), "tension_n = [10, 400]\n");
+    let done = asked(folder.path(), &of, "a", &["--samples", "0"]).success();
+    done.stdout(contains("1 of the first 2 plans has a graft beyond its failure load or beyond 250 N unloaded"));
+    let all = rows(&of.path().join("a"));
+    let force = |r: &BTreeMap<String, String>| r["unloaded_force_n"].parse::<f64>().unwrap();
+    for (row, is_taut) in all.iter().zip([false, true]) {
+        assert_eq!((force(row) > 250.0, row["flags"].contains(MARK)), (is_taut, is_taut), "{row:?}");
+        assert!(!row["rank"].is_empty(), "{row:?}");
+    }
+    let told = json(&of.path().join("a/sweep.json"));
+    for best in told["best"].as_array().unwrap() {
+        let is_taut = best["choices"]["tension_n"] == 400.0;
+        assert_eq!(best["flags"].to_string().contains(MARK), is_taut, "{best}");
+    }
+    // the table of the page names it once, in the row of its plan
+    let page = text(&of.path().join("a/sweep.html"));
+    assert_eq!(page.matches(MARK).count(), 1);
+    assert!(page.contains("1 of the first 2 plans has a graft beyond"));
+    // no knee of many plans can be pulled at, and the page of a sweep has no place that says why
+    let opened = build_model().args(["open", "--view", "--print"]).arg(of.path().join("a")).assert();
+    opened.code(1).stderr(contains("sweep.html has no knee to pull at: it is of many plans"));
+    // the plan by itself says the same
+    write(&of.path().join("one.toml"), few().replace("\ntension_n = 80.0", "\ntension_n = 400"));
+    let mut one = build_model();
+    one.arg("plan").arg(folder.path()).arg(of.path().join("one.toml")).args(["--samples", "0", "--out"]);
+    one.arg(of.path().join("one")).assert().success().stderr(contains(MARK));
+    for file in ["plan.json", "plan.csv", "plan.html"] {
+        assert!(text(&of.path().join("one").join(file)).contains(MARK), "{file}");
+    }
+}
+
+#[test]
 fn a_plan_that_cannot_be_done_says_why_and_the_others_stay() {
     let (folder, ..) = knee();
     let of = given(&few(), "stiffness_n_per_mm = [0.1, 200]\ntension_n = [500, 80]\n");

@@ -22,8 +22,14 @@ impl Knee {
         self.bundles.iter().any(|b| belongs(&b.name, structure))
     }
 
+    /// Whether a structure has lost stiffness: such a knee may come out of its joint.
+    pub(crate) fn is_weakened(&self) -> bool {
+        self.is_weakened
+    }
+
     /// Takes a share of its stiffness from a structure: all bundles of that name.
     pub(crate) fn weaken(&mut self, structure: &str, loss: f64) {
+        self.is_weakened |= loss > 0.0;
         self.bundles.iter_mut().filter(|b| belongs(&b.name, structure)).for_each(|b| b.stiffness *= 1.0 - loss);
     }
 

@@ -139,3 +139,28 @@ fn what_cannot_be_measured_of_a_wrap_is_told_too_and_one_that_is_off_is_not() {
         assert!(words.contains(part), "{part}: {words}");
     }
 }
+
+#[test]
+fn a_line_that_ends_within_its_object_is_told_to_be_straight_in_opensim_too() {
+    // about a point of the MCL's line; the cylinder's axis is x
+    let ball = |y: f64| {
+        format!("<WrapSphere name=\"foot\"><translation>0 {y:?} -0.04</translation><radius>0.006</radius></WrapSphere>")
+    };
+    let rod = |y: f64| {
+        format!(
+            "<WrapCylinder name=\"foot\"><xyz_body_rotation>0 1.5707963267948966 0</xyz_body_rotation><translation>0 {y:?} -0.04</translation><radius>0.006</radius><length>0.04</length></WrapCylinder>"
+        )
+    };
+    let ligaments = ligament("ACL1", &ACL, 0.046, &[])
+        + &ligament("PCL1", &PCL, 0.044, &[])
+        + &ligament("MCL1", &MCL, 0.079, &[("foot", ALL)])
+        + &ligament("LCL1", &LCL, 0.079, &[]);
+    let at_the_end = "MCL1 (6.0 mm of the line lie within foot, 6.0 mm deep at most, with an end of it: OpenSim leaves it straight too)";
+    let before = "MCL1 (12.0 mm of the line lie within foot, 6.0 mm deep at most)";
+    for (y, expected) in [(-0.08, at_the_end), (-0.07, before)] {
+        for object in [ball(y), rod(y)] {
+            let words = told("", &object, &ligaments).unwrap();
+            assert!(words.contains(expected), "{words}");
+        }
+    }
+}

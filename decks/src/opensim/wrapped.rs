@@ -104,8 +104,12 @@ fn beneath<'a, 'i>(
     let way: Vec<Point> = way.iter().map(|p| into * p).collect();
     let [long, deep] = shape.within(&way);
     let side = text(object, "quadrant").filter(|q| !["", "all"].contains(&q.to_lowercase().as_str()));
+    let end = match way.iter().any(|p| shape.stops(p)) {
+        true => ", with an end of it: OpenSim leaves it straight too",
+        false => "",
+    };
     Ok(match (long > 0.0, side) {
-        (true, _) => format!("{long:.1} mm of the line lie within {name}, {deep:.1} mm deep at most"),
+        (true, _) => format!("{long:.1} mm of the line lie within {name}, {deep:.1} mm deep at most{end}"),
         (false, None) => format!("the line passes beside {name}"),
         // it may be led over that side from without
         (false, Some(side)) => format!("the line passes beside {name}, over whose side {} it has to go", brief(side)),
@@ -143,6 +147,16 @@ impl Shape {
             Shape::Cylinder([radius, half]) if p.z.abs() < half => radius - p.x.hypot(p.y),
             Shape::Cylinder(_) => 0.0,
             Shape::Torus([tube, circle]) => tube - (p.x.hypot(p.y) - circle).hypot(p.z),
+        }
+    }
+
+    /// Whether OpenSim leads no line over the object that ends at this point: within an ellipsoid, or nearer to a cylinder's axis than its radius, beyond
+    /// its ends too.
+    fn stops(self, p: &Point) -> bool {
+        match self {
+            Shape::Ellipsoid(_) => self.depth(p) > 0.0,
+            Shape::Cylinder([radius, _]) => p.x.hypot(p.y) < radius,
+            Shape::Torus(_) => false,
         }
     }
 

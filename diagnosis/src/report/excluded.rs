@@ -18,7 +18,8 @@ use rayon::prelude::*;
 /// Structures that injuries take most, in the order in which they are told: what a surgeon asks about. Of these it is found what a tear would earn.
 const INJURED: [&str; 4] = ["ACL", "PCL", "sMCL", "LCL"];
 
-/// Such structures, those first that injuries take most, then those that carry most, each with two fits: as it was given, and torn.
+/// Such structures, each with two fits: as it was given, and torn. Those stand first against whose tear the data do not speak; of these those that injuries
+/// take most, then those that carry most.
 ///
 /// Errors: a model that cannot be evaluated.
 pub(crate) fn may_be_torn(searcher: &Searcher, search: &Search) -> Result<Vec<(MayBeTorn, [Fit; 2])>, DiagnosisError> {
@@ -41,9 +42,10 @@ fn is_open(t: &MayBeTorn, named: f64) -> bool {
     !t.fits_worse_torn || t.would_be_missed(named)
 }
 
-/// Where a structure stands among those that injuries take most; behind them all others.
-fn place(t: &MayBeTorn) -> usize {
-    INJURED.iter().position(|s| *s == t.structure).unwrap_or(INJURED.len())
+/// Where a structure is told: those first against whose tear the data do not speak, for the next test asks about the first. Of either those stand first that
+/// injuries take most.
+fn place(t: &MayBeTorn) -> (bool, usize) {
+    (t.fits_worse_torn, INJURED.iter().position(|s| *s == t.structure).unwrap_or(INJURED.len()))
 }
 
 /// A loss of each structure that the model has, whether or not these trials could name it.
@@ -237,5 +239,14 @@ mod tests {
         let losses =
             crate::effect::catalogue::Catalogue::shipped().effect.into_iter().find(|e| e.id == "structure_loss");
         assert!(losses.is_some_and(|e| INJURED.iter().all(|s| e.variants.iter().any(|v| v == s))));
+    }
+
+    /// The next test is about the first: never about a tear that the data speak against while another is open.
+    #[test]
+    fn a_tear_that_the_data_speak_against_is_told_behind_those_that_they_leave_open() {
+        let acl = structure("ACL", true, Some(3.9));
+        let mut told = [acl, structure("POL", false, None), structure("sMCL", false, Some(0.1))];
+        told.sort_by_key(place);
+        assert_eq!(told.each_ref().map(|t| t.structure.as_str()), ["sMCL", "POL", "ACL"]);
     }
 }

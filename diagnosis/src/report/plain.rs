@@ -108,12 +108,24 @@ fn nothing(d: &Diagnosis) -> String {
         };
         let _ = write!(out, " {lead} only with {}", slackened(t));
     }
-    let open: Vec<&str> = open.iter().map(|t| t.structure.as_str()).collect();
-    if !open.is_empty() {
-        let _ = write!(out, " A whole tear of the {} would not be named by these trials.", listed(&open, "or"));
-    }
+    out += &missed_tears(&open, d.threshold);
     if !d.may_be_torn.is_empty() && d.before.is_empty() {
         out += " What the same knee read while it was whole would tell (--before NAME=FILE).";
+    }
+    out
+}
+
+/// Which tears such trials would not name, and which of these the readings speak against all the same. Others that are open stand in what is not excluded.
+fn missed_tears(open: &[&MayBeTorn], threshold: f64) -> String {
+    let names = |of: &[&MayBeTorn]| listed(&of.iter().map(|t| t.structure.as_str()).collect::<Vec<_>>(), "or");
+    let missed: Vec<&MayBeTorn> = open.iter().copied().filter(|t| t.would_be_missed(threshold)).collect();
+    if missed.is_empty() {
+        return String::new();
+    }
+    let against: Vec<&MayBeTorn> = missed.iter().copied().filter(|t| t.fits_worse_torn).collect();
+    let mut out = format!(" A whole tear of the {} would not be named by these trials.", names(&missed));
+    if !against.is_empty() {
+        let _ = write!(out, " These readings speak against a tear of the {} all the same.", names(&against));
     }
     out
 }
@@ -302,6 +314,13 @@ mod tests {
     fn where_nothing_is_named_each_tear_that_would_be_missed_is_told() {
         let open = none(["ACL", "sMCL", "POL"].map(torn).into());
         assert!(head(&open).contains("A whole tear of the ACL, sMCL or POL would not be named by these trials."));
+        // as on the page: what is open for another reason stands in what is not excluded; what the readings speak against is told
+        let [acl, pcl, als] = ["ACL", "PCL", "ALS"].map(torn);
+        let acl = MayBeTorn { fits_worse_torn: true, ..acl };
+        let told = head(&none(vec![pcl, acl, MayBeTorn { would_earn: None, ..als }]));
+        assert!(told.contains("A whole tear of the PCL or ACL would not be named"), "{told}");
+        assert!(told.contains("speak against a tear of the ACL all the same") && !told.contains("ALS"), "{told}");
+        assert!(!head(&open).contains("speak against"));
         let closed = head(&none(vec![]));
         assert_eq!(closed, "Nothing is missing from the model that these trials show.");
     }

@@ -99,7 +99,10 @@ fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
             let names: Vec<String> = d.best.iter().map(|e| named(&problem.catalogue, d, e)).collect();
             short_of_a_name(&names.join("; together with "), earned(best), d.threshold)
         }
-        (_, Some((c, gain))) => short_of_a_name(&c.effect.title, *gain, d.threshold),
+        (_, Some((c, gain))) => {
+            let what = format!("{}{}", c.effect.title, about(c.variant_name().as_deref()));
+            short_of_a_name(&what, *gain, d.threshold)
+        }
         _ => String::new(),
     }
 }
@@ -176,13 +179,15 @@ fn to_tell(d: &Diagnosis) -> String {
     format!(" The test that would tell most: {}{load}, at {:.0} deg in {}.", best.test, best.flexion_deg, best.source)
 }
 
+/// The structure or axis that an effect is about, as its title goes on: " of PCL", " about the unloaded pose".
+fn about(variant: Option<&str>) -> String {
+    variant.map_or(String::new(), |v| if v.starts_with("about ") { format!(" {v}") } else { format!(" of {v}") })
+}
+
 /// An effect in words: its title, where, and its sizes.
 fn named(catalogue: &Catalogue, d: &Diagnosis, e: &Named) -> String {
     let title = catalogue.find(&e.effect).map_or(e.effect.clone(), |(f, _)| f.title.clone());
-    let about = e
-        .variant
-        .as_ref()
-        .map_or(String::new(), |v| if v.starts_with("about ") { format!(" {v}") } else { format!(" of {v}") });
+    let about = about(e.variant.as_deref());
     let all = if d.before.is_empty() { "in all data sets" } else { "in all data sets since" };
     let place = if e.scope == "both" { all.to_owned() } else { format!("in {}", e.scope) };
     format!("{title}{about} {place}, {}", sizes(catalogue, e, "90 % ").join(", "))
@@ -257,7 +262,7 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
     let title = |e: &Named| {
         let title = problem.catalogue.find(&e.effect).map_or(e.effect.clone(), |(f, _)| f.title.clone());
         let place = if e.scope == "both" { "all data sets" } else { &e.scope };
-        format!("{title} in {place}")
+        format!("{title}{} in {place}", about(e.variant.as_deref()))
     };
     let names: Vec<String> = d.best.iter().map(title).collect();
     let explains = 100.0 * ((before - after) / (before - 1.0)).clamp(0.0, 1.0);
@@ -464,5 +469,12 @@ mod tests {
                 assert!(least <= low && low <= value && value <= high && high <= most, "{} {low} {high}", p.key);
             }
         }
+    }
+
+    #[test]
+    fn a_title_goes_on_with_what_it_is_about() {
+        assert_eq!(about(Some("PCL")), " of PCL");
+        assert_eq!(about(Some("about the unloaded pose")), " about the unloaded pose");
+        assert_eq!(about(None), "");
     }
 }

@@ -1,5 +1,7 @@
 //! What comes of a plan: every state in every test, with mean and interval by samples, and the chance that the knee is like the intact one.
 
+pub(super) mod borne;
+
 use super::astray::{Percents, laid_on_the_wall, moved_away};
 use super::chances::{ChanceTold, chance_of, chances};
 use super::file::{GraftFile, PlanFile};
@@ -10,6 +12,7 @@ use super::sampled::{At, Sampled};
 use super::sites::Bone;
 use crate::bands::is_pose_or_force;
 use crate::told::ModelTold;
+use borne::too_much;
 use calibration::samples::Samples;
 use notices::{Kind, Notice};
 use schemars::JsonSchema;
@@ -106,6 +109,9 @@ pub struct TestTold {
     /// The flags of the reconstructed knee as values.
     #[serde(skip)]
     pub odd: Vec<Flag>,
+    /// What is odd about what the grafts bear, in few words.
+    #[serde(skip)]
+    pub beyond: Vec<String>,
 }
 
 /// What comes of a plan for a knee that is known without scatter.
@@ -241,6 +247,7 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
         chance: likely.as_ref().and_then(|c| c.chance),
         counts: likely.and_then(|c| c.counts),
         odd: vec![],
+        beyond: vec![],
     };
     for (state, name) in STATES.into_iter().enumerate() {
         let mut values = BTreeMap::new();
@@ -255,11 +262,12 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
         values.extend(laxity.map(|v| ("laxity".to_owned(), v)));
         let outside = values.iter().filter(|(name, v)| is_pose_or_force(name) && v.is_outside());
         let outside = outside.map(|(name, _)| name.clone()).collect();
+        let borne = too_much(&file.graft, one.kind, &values);
         told.states.insert(name.to_owned(), values);
         let flags = odd(numbers, [state, t], outside);
-        told.flags.insert(name.to_owned(), sentences(&flags));
+        told.flags.insert(name.to_owned(), [sentences(&flags), borne.clone()].concat());
         if state == 2 {
-            told.odd = flags;
+            (told.odd, told.beyond) = (flags, borne);
         }
     }
     for c in [AP, IE, VV] {

@@ -265,6 +265,9 @@ fn in_words((sweep, base): (&Sweep, &PlanFile), rows: &[Row], told: &SweepTold) 
     if let Some(none) = not_restored(rows, base) {
         let _ = writeln!(text, "{none}");
     }
+    if let Some(beyond) = row::beyond_among_first(rows) {
+        let _ = writeln!(text, "{beyond}");
+    }
     for r in row::ranked(rows).into_iter().take(ON_A_TERMINAL) {
         let chance = match (r.share("chance"), r.number("restored")) {
             (Some(share), _) => format!("every test like the intact knee in {share} of the samples"),

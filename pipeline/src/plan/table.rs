@@ -32,6 +32,11 @@ pub(super) fn value<'a>(t: &'a TestTold, state: &str, name: &str) -> Option<&'a 
     t.states.get(state)?.get(name)
 }
 
+/// Words as a cell has them: names of grafts are the user's, and may have commas.
+fn quoted(words: &str) -> String {
+    if words.contains([',', '"', '\n']) { format!("\"{}\"", words.replace('"', "\"\"")) } else { words.to_owned() }
+}
+
 /// plan.csv: a row a value.
 pub(super) fn csv(out: &Outcome) -> String {
     let mut text = String::from("test,flexion_deg,state,quantity,value,mean,lower,upper,flags\n");
@@ -39,14 +44,9 @@ pub(super) fn csv(out: &Outcome) -> String {
     for t in &out.tests {
         let states = STATES.iter().filter_map(|s| Some((*s, t.states.get(*s)?)));
         for (state, values) in states.chain([("reconstructed less intact", &t.off)]) {
-            let flags = t.flags.get(state).map_or(String::new(), |f| f.join("; "));
+            let flags = quoted(&t.flags.get(state).map_or(String::new(), |f| f.join("; ")));
             for (name, v) in values {
-                // names of grafts are the user's
-                let name = if name.contains([',', '"', '\n']) {
-                    format!("\"{}\"", name.replace('"', "\"\""))
-                } else {
-                    name.clone()
-                };
+                let name = quoted(name);
                 let _ = writeln!(
                     text,
                     "{},{},{state},{name},{:.4},{},{},{},{flags}",

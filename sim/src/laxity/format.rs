@@ -237,7 +237,7 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
             false => rows.push((row, record)),
         }
     }
-    let mut rows = lengths::fitted(rows, header.len(), separator)?;
+    let mut rows = lengths::fitted(rows, &header, separator)?;
     if blank > 0 {
         warnings
             .push(Kind::BlankRows.notice(format!("{blank} rows without a single cell are passed over")).count(blank));
@@ -247,14 +247,13 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
     let has_units = format.units_row.unwrap_or_else(|| rows.first().is_some_and(|(_, r)| is_units(r)));
     let units =
         if has_units && !rows.is_empty() { rows.remove(0).1.iter().map(String::from).collect() } else { vec![] };
-    let decimal_comma = decimals::comma(&rows, separator, format.decimal)?;
-    let trial = format.columns.get("trial").map_or("trial", Column::name);
-    let names_at = header.iter().position(|name| name == trial);
+    let numbers = numbers(&header, format);
+    let decimal_comma = decimals::comma((&rows, &numbers), separator, format.decimal)?;
     // numbers of a workbook have points, whatever its texts have
     let is_text = !crate::workbook::looks_zipped(bytes);
     if decimal_comma
         && is_text
-        && let Some(refused) = decimals::thousand(&rows, names_at)
+        && let Some(refused) = decimals::thousand(&rows, &numbers)
     {
         return Err(refused);
     }
@@ -263,6 +262,22 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
     drop_index(&mut raw, warnings);
     unmeasured(&mut raw, warnings);
     Ok(raw)
+}
+
+/// Standard columns of words.
+const WORDS: [&str; 5] = ["trial", "reference", "test", "branch", "flags"];
+
+/// Which columns have numbers that are read. Those of tracked bodies have names of their own, so that there any name may be one.
+fn numbers(header: &StringRecord, format: &LaxityFormat) -> Vec<bool> {
+    let standard = known_columns();
+    let is_number = |name: &str| {
+        let own = format.columns.iter().find(|(_, source)| is_called(name, source)).map(|(column, _)| column);
+        match own.or_else(|| standard.get(name)) {
+            Some(column) => !WORDS.contains(&column.as_str()),
+            None => format.tracked.is_some() && !is_comment(name),
+        }
+    };
+    header.iter().map(is_number).collect()
 }
 
 /// Cells of a row that are the header's own from which on it is a second header.
@@ -373,6 +388,12 @@ fn known(column: &str, table: &str) -> Result<(), LaxityError> {
     Err(LaxityError::File(format!("{table}.{column} is no standard column{}", did_you_mean(column, &known))))
 }
 
+/// Whether a column's name in the file is the one declared, with its unit in brackets or without.
+fn is_called(header: &str, source: &Column) -> bool {
+    let name = source.name().trim();
+    header.trim().eq_ignore_ascii_case(name) || bare(header).eq_ignore_ascii_case(name)
+}
+
 /// Where every standard column stands.
 fn places(
     raw: &Raw,
@@ -386,9 +407,7 @@ fn places(
     for (column, source) in &format.columns {
         known(column, "columns")?;
         let name = source.name();
-        let same =
-            |h: &&String| h.trim().eq_ignore_ascii_case(name.trim()) || bare(h).eq_ignore_ascii_case(name.trim());
-        let Some(at) = raw.header.iter().position(|h| same(&h)) else {
+        let Some(at) = raw.header.iter().position(|h| is_called(h, source)) else {
             let what = format!(
                 "no column \"{name}\", which columns.{column} names{}; the file has {}",
                 did_you_mean(name, &raw.header),

@@ -1,6 +1,6 @@
 //! Whether the signs of a laxity file are the clinical ones, judged by what every knee does: it goes where it is pushed.
 
-use super::motion::LEAST_SPREAD;
+use super::motion::{LEAST_MOTION, LEAST_SPREAD, WORKING_LOAD};
 use super::read::agrees;
 use super::{LaxityTrial, SignDoubt};
 use crate::coordinate::{AP, Coordinate, IE, SI, VV};
@@ -101,7 +101,7 @@ fn axis(trials: &[LaxityTrial], (c, plus, minus): (Coordinate, &str, &str)) -> O
             let at = turned_at(trials, c);
             let first = at.first()?;
             format!(
-                "the knee moves against its load in {value} at {} of {} flexions, the first {first} deg, and with it at the others: was its sign turned there? Expected {plus} +, {minus} - throughout",
+                "the knee moves against its load in {value} at {} of {} flexions, the first {first} deg, and with it at {with}: was its sign turned there? Expected {plus} +, {minus} - throughout",
                 at.len(),
                 with + opposed
             )
@@ -151,19 +151,24 @@ fn slopes(trials: &[LaxityTrial], c: Coordinate) -> (usize, usize) {
 /// Correlation of load and displacement below which one is turned [-]. Ours: in 504 positions of published and simulated knees it is 0.86 and more.
 const TURNED: f64 = -0.5;
 
-/// Nominal flexions [deg] at which the knee moves against its load, under loads both ways.
+/// Nominal flexions [deg] at which the knee moves against its load, under loads both ways. Only a position under a working load counts, in which the knee
+/// moves: loads of nothing, and a motion of nothing, are noise with any sign.
 fn turned_at(trials: &[LaxityTrial], c: Coordinate) -> Vec<i64> {
     let mut positions: BTreeMap<i64, Vec<[f64; 2]>> = BTreeMap::new();
     for t in trials.iter().filter(|t| t.reference.is_none() && t.test.coordinate().is_none_or(|own| own == c)) {
         let reading = t.measured[c].map(|value| [t.load[c], value]);
         positions.entry(t.nominal_flexion_deg.round() as i64).or_default().extend(reading);
     }
+    let limit = |of: &[(Coordinate, f64)]| of.iter().find(|(i, _)| *i == c).map_or(f64::INFINITY, |(_, l)| *l);
+    let (least, works, moves) = (limit(&LEAST_SPREAD), limit(&WORKING_LOAD), limit(&LEAST_MOTION));
     let is_turned = |of: &[[f64; 2]]| {
+        let most = |k: usize, sign: f64| of.iter().map(|p| sign * p[k]).fold(f64::NEG_INFINITY, f64::max);
+        let (plus, minus) = (most(0, 1.0), most(0, -1.0));
+        let shows = plus.min(minus) >= least && plus.max(minus) >= works && most(1, 1.0) + most(1, -1.0) >= moves;
         let mean = |k: usize| of.iter().map(|p| p[k]).sum::<f64>() / of.len() as f64;
         let means = [mean(0), mean(1)];
         let product = |i: usize, j: usize| of.iter().map(|p| (p[i] - means[i]) * (p[j] - means[j])).sum::<f64>();
-        let both_ways = of.iter().any(|p| p[0] > 0.0) && of.iter().any(|p| p[0] < 0.0);
-        both_ways && product(0, 1) < TURNED * (product(0, 0) * product(1, 1)).sqrt()
+        shows && product(0, 1) < TURNED * (product(0, 0) * product(1, 1)).sqrt()
     };
     positions.into_iter().filter(|(_, of)| is_turned(of)).map(|(flexion, _)| flexion).collect()
 }

@@ -189,7 +189,7 @@ fn astray(path: &str, to: &Way, axes: &RoughAxes) -> Option<Notice> {
     let [line, other] = to.words;
     let end = if way.dot(&to.usual) < 0.0 { format!(", at the {other}'s end of the knee") } else { String::new() };
     let text = format!(
-        "{path}: {} lies {:.0} mm {} of the {line}{end}: its way from the knee turns by {turned:.0} deg from that axis, expected {:.0} at most; the bone's frame turns with it: check the point, its frame and its name",
+        "{path}: {} lies {:.0} mm {} of the {line}{end}: its way from the knee turns by {turned:.1} deg from that axis, expected {:.1} at most; the bone's frame turns with it: check the point, its frame and its name",
         to.name,
         beside.norm(),
         names[usize::from(far < 0.0)],
@@ -251,7 +251,12 @@ mod tests {
                     let words = told(x, y, -400.0, sections).unwrap();
                     let off = x.hypot(y) * scale;
                     assert!(words.contains(&format!("lies {off:.0} mm {word} of the tibia's long axis")), "{words}");
-                    assert!(words.contains("14 deg"), "{words}");
+                    // the limit is 8 deg, and 1 by which the shaft itself may be off, or 12 where the plateaus stand for it
+                    let most = if sections < LEAST_SECTIONS { "12.0" } else { "9.0" };
+                    assert!(
+                        words.contains("turns by 14.") && words.contains(&format!("expected {most} at most")),
+                        "{words}"
+                    );
                     assert!(!words.contains("the femur's end"), "{words}");
                 }
                 assert!(told(10.0, 0.0, 400.0, sections).unwrap().contains("at the femur's end"));

@@ -1,7 +1,7 @@
 //! Laxity files in which one position or one test is otherwise than the rest: a sign, a unit; and thousands among decimal commas.
 
 use super::super::tables::{laxity, plain};
-use super::{good, refused, said};
+use super::{good, refused, said, with_column};
 
 /// The table with cells changed, by test, flexion and number of the column.
 fn changed(change: impl Fn(&str, f64, usize, f64) -> f64) -> String {
@@ -21,10 +21,40 @@ fn a_sign_that_is_turned_at_one_flexion_is_told_there() {
     for (at, column) in [(9, "vv_deg"), (10, "ie_deg"), (12, "ap_mm")] {
         for there in [0.0, 30.0, 90.0] {
             let words = said(&changed(|_, flexion, k, x| if k == at && flexion == there { -x } else { x }));
-            let wanted = format!("against its load in {column} at 1 of 3 flexions, the first {there} deg");
+            let wanted =
+                format!("against its load in {column} at 1 of 3 flexions, the first {there} deg, and with it at 2");
             assert!(words.contains(&wanted), "{wanted}: {words}");
         }
     }
+}
+
+#[test]
+fn noise_under_no_load_or_of_a_knee_that_stands_still_is_not_called_a_turned_sign() {
+    // what plain() reads without a load, and loads and motions of nothing
+    for (load, column, at_rest, pair) in [
+        (3, 9, 0.5, ["varus", "valgus"]),
+        (4, 10, -1.0, ["internal", "external"]),
+        (6, 12, -1.5, ["posterior", "anterior"]),
+    ] {
+        let at = |test: &str, flexion: f64| flexion == 30.0 && pair.contains(&test);
+        let little = changed(|test, flexion, k, x| match at(test, flexion) {
+            true if k == load => 0.05 * x,
+            true if k == column => at_rest - 0.05 * (x - at_rest),
+            _ => x,
+        });
+        let stiff = changed(|test, flexion, k, x| match at(test, flexion) {
+            true if k == column => at_rest - 0.01 * (x - at_rest),
+            _ => x,
+        });
+        for table in [little, stiff] {
+            let words = said(&table);
+            assert!(!words.contains("against its load"), "{words}");
+        }
+    }
+    // a sensor reads something of nothing
+    let unloaded = "n1,neutral,45,0.2,0.1,0,-1,20,45.3,0.4,-1.2,0.5,-1.4,-28.5\nn2,neutral,45,-0.2,-0.1,0,1,20,45.2,0.6,-0.8,0.5,-1.6,-28.5\n";
+    let words = said(&(good() + unloaded));
+    assert!(!words.contains("against its load"), "{words}");
 }
 
 #[test]
@@ -53,4 +83,20 @@ fn thousands_with_points_among_decimal_commas_are_refused_at_their_cell() {
     }
     let quoted = refused(&good().replacen(",20,", ",\"1,000\",", 1));
     assert!(quoted.contains("write 1000 or 1.000"), "{quoted}");
+}
+
+#[test]
+fn numbers_in_columns_of_words_tell_nothing_of_decimal_signs() {
+    for name in ["comment", "flags"] {
+        let table = with_column(name, |_| "@".into()).replace(',', ";");
+        let english = table.replace(";100;", ";100.000;").replace('@', "0,5");
+        assert_eq!(said(&english), "", "{name}");
+        let german = table.replace('.', ",");
+        for word in ["1.000", "1,000"] {
+            assert_eq!(said(&german.replace('@', word)), "", "{name} {word}");
+        }
+    }
+    // a column that nothing reads is what such a table is refused by
+    let unknown = with_column("version", |_| "@".into()).replace(',', ";").replace('.', ",").replace('@', "4.120");
+    assert!(refused(&unknown).contains("unknown column \"version\""));
 }

@@ -20,9 +20,13 @@ pub(crate) fn leaves_most(d: &Diagnosis) -> String {
 
 /// The row of the best that was found, where it was tried.
 pub(super) fn best_row(d: &Diagnosis) -> Option<&Tried> {
-    let is_best =
-        |t: &&Tried| t.effects.iter().map(|e| (&e.effect, &e.scope)).eq(d.best.iter().map(|e| (&e.effect, &e.scope)));
-    d.unexplained.iter().flat_map(|why| &why.tried).find(is_best)
+    d.unexplained.iter().flat_map(|why| &why.tried).find(|t| is_best(t, &d.best))
+}
+
+/// Whether a row is of the effects of the best, each in its place and about the same structure or axis.
+fn is_best(row: &Tried, best: &[Named]) -> bool {
+    let what = |e: &Named| (e.effect.clone(), e.variant.clone(), e.scope.clone());
+    row.effects.iter().map(what).eq(best.iter().map(what))
 }
 
 /// The same of a table; `is_too_much` where that stands against the best.
@@ -56,11 +60,7 @@ pub(crate) fn closing(d: &Diagnosis) -> String {
 
 /// Answers beside the best that close most of the gap on trials that they were not fitted to, with their shares, the largest first.
 pub(crate) fn closing_most(d: &Diagnosis) -> Vec<(&[Named], f64)> {
-    let is_best = |t: &Tried| {
-        let place = |e: &Named| (e.effect.clone(), e.scope.clone());
-        t.effects.iter().map(place).eq(d.best.iter().map(place))
-    };
-    let rows = d.unexplained.iter().flat_map(|why| &why.tried).filter(|t| !is_best(t));
+    let rows = d.unexplained.iter().flat_map(|why| &why.tried).filter(|t| !is_best(t, &d.best));
     let shares = rows.filter_map(|t| Some((t.effects.as_slice(), t.closes_held_out?)));
     let mut out: Vec<(&[Named], f64)> = shares.filter(|(_, share)| *share >= MOST_OF_IT).collect();
     out.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -104,5 +104,27 @@ mod tests {
         let told = leaves_most_of(&why, false);
         assert!(told.contains("What it leaves (rks 4.25") && !told.contains("too much"), "{told}");
         assert_eq!(leaves_most_of(&Unexplained { left: vec![], ..why }, true), "");
+    }
+
+    /// The share that one ligament's loss closes is never told of another's.
+    #[test]
+    fn a_row_is_of_the_best_only_where_it_is_about_the_same_structure() {
+        let lost = |structure: &str| Named {
+            effect: "structure_loss".into(),
+            scope: "both".into(),
+            variant: Some(structure.into()),
+            parameters: BTreeMap::new(),
+        };
+        let row = Tried {
+            effects: vec![lost("ACL")],
+            closes: 0.6,
+            closes_held_out: Some(0.6),
+            leaves: Some(2.0),
+            log_bayes_factor: 9.0,
+            against: vec![Against::LeavesTooMuch],
+        };
+        assert!(is_best(&row, &[lost("ACL")]));
+        assert!(!is_best(&row, &[lost("PCL")]) && !is_best(&row, &[]));
+        assert!(!is_best(&row, &[Named { scope: "kla".into(), ..lost("ACL") }]));
     }
 }

@@ -49,12 +49,17 @@ fn proof(tried: &[Tried], nothing: f64) -> String {
         return format!(", and none is enough: {against}");
     }
     let names: Vec<String> =
-        lost.iter().map(|t| t.effects.iter().map(|e| e.effect.as_str()).collect::<Vec<_>>().join(" with ")).collect();
+        lost.iter().map(|t| t.effects.iter().map(about).collect::<Vec<_>>().join(" with ")).collect();
     let (lost, sound) = (lost.len(), sound.len());
     format!(
         ", and none is enough of the {sound} fits that converged: {against}. Left out of the proof, since they did not converge: {lost} ({})",
         names.join(", ")
     )
+}
+
+/// An effect as the table has it, with the structure or axis that it is about: "structure_loss (PCL)".
+fn about(e: &Named) -> String {
+    format!("{}{}", e.effect, e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default())
 }
 
 /// Whether a row leaves more than the fit of nothing missing (`nothing`) does. It had that fit to fall back on, so it did not converge.
@@ -111,7 +116,10 @@ fn open(tried: &[Tried]) -> String {
     if tried.iter().all(|t| t.against.is_empty()) {
         return String::new();
     }
-    let place = |e: &Named| format!("{} in {}", e.effect, e.scope);
+    let place = |e: &Named| {
+        let scope = if e.scope == "both" { "all data sets" } else { &e.scope };
+        format!("{} in {scope}", about(e))
+    };
     let names = |t: &Tried| t.effects.iter().map(place).collect::<Vec<_>>().join(" with ");
     let open: Vec<String> = tried.iter().filter(|t| t.against.is_empty()).take(OPEN_IN_HEAD).map(names).collect();
     if open.is_empty() {
@@ -263,5 +271,23 @@ mod tests {
         // an effect explains no more of a difference than there is, and none where one knee does as well
         assert!(of(Some(50.0), 4.0, 162.0).contains("50.0 of 50.0 nats"));
         assert_eq!(of(Some(0.5 * NAMED), 4.0, 162.0) + &of(None, 4.0, 162.0), "");
+    }
+
+    #[test]
+    fn a_row_says_which_structure_it_is_about_and_where() {
+        let of = |against: Vec<Against>| {
+            let mut lost = tried("structure_loss", 1.0, &against);
+            lost.effects[0].variant = Some("PCL".into());
+            lost.effects[0].scope = "both".into();
+            lost
+        };
+        let table = |rows: Vec<Tried>| Unexplained { data_sets: vec![], two_knees: None, tried: rows, left: vec![] };
+        let other = tried("itb", 1.0, &[Against::EarnsTooLittle]);
+        let open = best(&table(vec![of(vec![]), other.clone()]), NOTHING);
+        assert!(open.contains("against structure_loss (PCL) in all data sets, but"), "{open}");
+        let mut apart = of(vec![Against::EarnsTooLittle]);
+        apart.leaves = Some(2.0 * NOTHING);
+        let lost = best(&table(vec![apart, other]), NOTHING);
+        assert!(lost.contains("did not converge: 1 (structure_loss (PCL))"), "{lost}");
     }
 }

@@ -1,7 +1,7 @@
 //! sweep.html: one page to print, with the maps of two choices and the best plans.
 
 use super::file::Sweep;
-use super::row::{Row, ranked};
+use super::row::{Row, beyond_among_first, ranked};
 use super::{BEST, SweepTold, counted, not_restored};
 use crate::plan::file::PlanFile;
 use crate::plan::heat::heat;
@@ -206,9 +206,12 @@ fn best(sweep: &Sweep, base: &PlanFile, rows: &[Row], samples: usize) -> String 
             counted(n, "sample")
         ),
     };
+    let beyond = beyond_among_first(rows).map_or(String::new(), |words| {
+        format!(" {words}. A plan with one keeps its rank; the last column names the graft.")
+    });
     format!(
         "<h2>{title}</h2><p>Ranked by the chance that every loaded test is like the intact knee, then by that of the anterior drawers, then by how far \
-         off they are. What the graft bears unloaded, and the contact, have no part in it: look at their columns.{told}</p>{}",
+         off they are. What the graft bears unloaded, and the contact, have no part in it: look at their columns.{beyond}{told}</p>{}",
         table(&header, all.iter().take(BEST).map(line))
     )
 }

@@ -5,6 +5,7 @@ use crate::plan::astray::briefly;
 use crate::plan::file::PlanFile;
 use crate::plan::knee::Placed;
 use crate::plan::numbers::Value;
+use crate::plan::outcome::borne::among;
 use crate::plan::outcome::{Left, Outcome, TestTold};
 use crate::plan::table::fixed;
 use notices::Kind;
@@ -13,6 +14,8 @@ use std::cmp::Ordering;
 
 /// What follows the name of a number of the most probable knee: that number, mean and interval of the samples.
 const ENDS: [&str; 4] = ["", "_mean", "_lower", "_upper"];
+/// Of so many of the first plans it is counted whose graft bears too much [-]; ours: what a reader of ranks looks at.
+const FIRST: usize = 10;
 /// The most that the graft bears unloaded.
 const FORCE: &str = "unloaded_force_n";
 
@@ -34,6 +37,8 @@ pub(super) struct Row {
     pub(super) flags: Vec<String>,
     /// The same in few words.
     pub(super) brief: Vec<String>,
+    /// Whether a graft bears too much.
+    pub(super) beyond: bool,
     /// Why it could not be done.
     pub(super) fault: Option<String>,
 }
@@ -41,11 +46,11 @@ pub(super) struct Row {
 impl Row {
     /// Of what came of a plan.
     pub(super) fn of(plan: usize, values: Vec<f64>, found: Result<Came, String>, graft: usize) -> Row {
-        let (numbers, flags, brief, fault) = match found {
-            Ok((out, left, brief)) => (numbers(&out, left, graft), flags(&out), brief, None),
-            Err(why) => (vec![], vec![], vec![], Some(why)),
+        let (numbers, flags, brief, beyond, fault) = match found {
+            Ok((out, left, brief)) => (numbers(&out, left, graft), flags(&out), brief, is_beyond(&out), None),
+            Err(why) => (vec![], vec![], vec![], false, Some(why)),
         };
-        let mut row = Row { plan, rank: None, values, numbers, flags, brief, fault };
+        let mut row = Row { plan, rank: None, values, numbers, flags, brief, beyond, fault };
         let outside = row.outside();
         if !outside.is_empty() {
             row.flags.push(format!("outside its interval: {}", outside.join(" ")));
@@ -111,6 +116,12 @@ pub(super) fn ranked(rows: &[Row]) -> Vec<&Row> {
     let mut out: Vec<&Row> = rows.iter().filter(|r| r.rank.is_some()).collect();
     out.sort_by_key(|r| r.rank);
     out
+}
+
+/// How many of the first plans have a graft that bears too much, in a sentence without its stop; none where no plan could be done.
+pub(super) fn beyond_among_first(rows: &[Row]) -> Option<String> {
+    let first: Vec<bool> = ranked(rows).iter().take(FIRST).map(|r| r.beyond).collect();
+    among(&first)
 }
 
 /// Every number of a plan by its column.
@@ -192,7 +203,13 @@ fn flags(out: &Outcome) -> Vec<String> {
     of_plan.chain(out.tests.iter().filter_map(of_test)).collect()
 }
 
-/// What is odd of a plan in few words: its sites, and the reconstructed knee. Samples that leave the plateau or are lost have columns of their own.
+/// Whether a graft of a plan bears too much in any test.
+fn is_beyond(out: &Outcome) -> bool {
+    out.tests.iter().any(|t| !t.beyond.is_empty())
+}
+
+/// What is odd of a plan in few words: its sites, the reconstructed knee, and what its grafts bear. Samples that leave the plateau or are lost have
+/// columns of their own.
 pub(super) fn brief(plan: &PlanFile, placed: &[Placed], out: &Outcome) -> Vec<String> {
     let mut all = Vec::new();
     for ((graft, at), told) in plan.graft.iter().zip(placed).zip(&out.grafts) {
@@ -202,6 +219,11 @@ pub(super) fn brief(plan: &PlanFile, placed: &[Placed], out: &Outcome) -> Vec<St
     let lacks_column =
         |f: &&Flag| !matches!(f, Flag::OutsideInterval(_) | Flag::SamplesLeave { .. } | Flag::SamplesLost { .. });
     all.extend(each_once(out.tests.iter().flat_map(|t| &t.odd).filter(lacks_column)));
+    for words in out.tests.iter().flat_map(|t| &t.beyond) {
+        if !all.contains(words) {
+            all.push(words.clone());
+        }
+    }
     all.extend(out.notices.iter().any(|n| n.kind == Kind::NoIntervals).then(|| "no intervals".to_owned()));
     all
 }
@@ -259,7 +281,8 @@ pub(super) mod tests {
         let numbers =
             [("chance", chance), ("chance_of", 100.0), ("chance_drawer", 0.5), ("anterior_drawer_most_off_mm", off)];
         let numbers = numbers.map(|(name, x)| (name.to_owned(), Some(x))).to_vec();
-        Row { plan, rank: None, values: values.to_vec(), numbers, flags: vec![], brief: vec![], fault: None }
+        let (flags, brief) = (vec![], vec![]);
+        Row { plan, rank: None, values: values.to_vec(), numbers, flags, brief, beyond: false, fault: None }
     }
 
     #[test]
@@ -331,17 +354,17 @@ pub(super) mod tests {
             chance: None,
             counts: None,
             odd: if force.is_some() { vec![] } else { vec![Flag::NoEquilibrium] },
+            beyond: vec![],
         }
     }
 
-    #[test]
-    fn there_is_no_most_where_a_test_has_no_equilibrium_and_few_words_say_so() {
-        let plan = file::parsed(file::EXAMPLE).unwrap();
-        let out = |tests: Vec<TestTold>| Outcome {
+    /// What came of a plan of which these tests were asked.
+    fn out(tests: Vec<TestTold>) -> Outcome {
+        Outcome {
             schema: crate::plan::SCHEMA,
             plan: String::new(),
             model: None,
-            planned: plan.clone(),
+            planned: file::parsed(file::EXAMPLE).unwrap(),
             cut: vec![],
             grafts: vec![],
             samples: 0,
@@ -350,7 +373,29 @@ pub(super) mod tests {
             chances: vec![],
             warnings: vec![],
             notices: vec![],
-        };
+        }
+    }
+
+    #[test]
+    fn a_graft_that_bears_too_much_is_named_once_and_counted_among_the_first_ten() {
+        let plan = file::parsed(file::EXAMPLE).unwrap();
+        let words = "g beyond 250 N unloaded";
+        let taut = |deg: f64| TestTold { beyond: vec![words.into()], ..unloaded(deg, Some(300.0)) };
+        let marked = out(vec![unloaded(0.0, Some(3.0)), taut(30.0), taut(90.0)]);
+        assert_eq!(brief(&plan, &[], &marked), [words]);
+        let of = |k: usize, came: Outcome| Row::of(k, vec![k as f64], Ok((came, Left::default(), vec![])), 0);
+        // equal plans go by their values: the marked ones are the second and the eleventh
+        let one = |k: usize| of(k, if [2, 11].contains(&k) { marked.clone() } else { out(vec![]) });
+        let mut rows: Vec<Row> = (1..=12).map(one).collect();
+        assert!(beyond_among_first(&rows).is_none());
+        rank(&mut rows);
+        let told = beyond_among_first(&rows).unwrap();
+        assert!(told.starts_with("1 of the first 10 plans has a graft beyond"), "{told}");
+    }
+
+    #[test]
+    fn there_is_no_most_where_a_test_has_no_equilibrium_and_few_words_say_so() {
+        let plan = file::parsed(file::EXAMPLE).unwrap();
         let all = out(vec![unloaded(0.0, Some(3.0)), unloaded(30.0, Some(8.0)), unloaded(90.0, Some(8.0))]);
         assert_eq!(most(&all, "graft_g_n").map(|(t, v)| (t.flexion_deg, v.value)), Some((30.0, 8.0)));
         assert!(brief(&plan, &[], &all).is_empty());

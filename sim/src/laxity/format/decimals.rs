@@ -4,18 +4,26 @@ use crate::laxity::columns::LaxityError;
 use crate::laxity::text;
 use csv::StringRecord;
 
-/// Whether commas in the cells are decimal, as declared or as the cells show.
+/// The cells of a table that are to be numbers, with row and column. `numbers`: which columns have such.
+fn cells<'a>(rows: &'a [(usize, StringRecord)], numbers: &'a [bool]) -> impl Iterator<Item = (usize, usize, &'a str)> {
+    rows.iter().flat_map(move |(number, record)| {
+        let own = record.iter().enumerate().zip(numbers).filter(|(_, is_number)| **is_number);
+        own.map(move |((at, cell), _)| (*number, at, cell))
+    })
+}
+
+/// Whether commas in the cells are decimal, as declared or as the cells of numbers show.
 ///
 /// # Errors
 /// Another sign; numbers with a comma that may be thousands.
 pub(super) fn comma(
-    rows: &[(usize, StringRecord)],
+    (rows, numbers): (&[(usize, StringRecord)], &[bool]),
     separator: u8,
     declared: Option<char>,
 ) -> Result<bool, LaxityError> {
     match declared {
         None if separator == b',' => Ok(false),
-        None => text::decimal_comma(rows.iter().flat_map(|(_, r)| r.iter())),
+        None => text::decimal_comma(cells(rows, numbers).map(|(_, _, cell)| cell)),
         Some('.') => Ok(false),
         Some(',') => Ok(true),
         Some(c) => Err(LaxityError::File(format!("decimal = \"{c}\"; expected \".\" or \",\""))),
@@ -23,19 +31,13 @@ pub(super) fn comma(
 }
 
 /// What a table is refused by whose commas are decimal: the first number whose point parts thousands, which would be read as a thousandth of what it says.
-/// Names of trials, in the column `names_at`, are no numbers.
-pub(super) fn thousand(rows: &[(usize, StringRecord)], names_at: Option<usize>) -> Option<LaxityError> {
-    let cells = || {
-        rows.iter().flat_map(move |(number, record)| {
-            let numbers = record.iter().enumerate().filter(move |(at, _)| Some(*at) != names_at);
-            numbers.map(move |(at, cell)| (*number, at, cell))
-        })
-    };
+/// Words are no numbers: a comment or a flag such as 2.001 says nothing of them, and makes no comma decimal.
+pub(super) fn thousand(rows: &[(usize, StringRecord)], numbers: &[bool]) -> Option<LaxityError> {
     let with_comma = |cell: &str| cell.matches(',').count() == 1 && cell.replace(',', ".").parse::<f64>().is_ok();
-    if !cells().any(|(_, _, cell)| with_comma(cell)) {
+    if !cells(rows, numbers).any(|(_, _, cell)| with_comma(cell)) {
         return None;
     }
-    let (number, at, cell) = cells().find(|(_, _, cell)| is_grouped(cell))?;
+    let (number, at, cell) = cells(rows, numbers).find(|(_, _, cell)| is_grouped(cell))?;
     let what = format!(
         "\"{cell}\" may be a thousand: the table's commas are decimal, and a point before three digits parts thousands then; write {} or {}",
         cell.replace('.', ""),
@@ -57,13 +59,16 @@ fn is_grouped(cell: &str) -> bool {
 mod tests {
     use super::*;
 
+    /// A column of words, and one of numbers.
+    const NUMBERS: [bool; 2] = [false, true];
+
     #[test]
     fn points_that_part_thousands_among_decimal_commas_are_refused_at_their_cell() {
         let of = |cells: &[&str], declared: Option<char>| {
             let row = |(k, c): (usize, &&str)| (k + 2, StringRecord::from(vec!["1.000", *c]));
             let rows: Vec<(usize, StringRecord)> = cells.iter().enumerate().map(row).collect();
-            let is_comma = comma(&rows, b';', declared).unwrap();
-            is_comma.then(|| thousand(&rows, Some(0))).flatten().map(|e| e.to_string())
+            let is_comma = comma((&rows, &NUMBERS), b';', declared).unwrap();
+            is_comma.then(|| thousand(&rows, &NUMBERS)).flatten().map(|e| e.to_string())
         };
         for declared in [None, Some(',')] {
             assert_eq!(of(&["30,2", "1000", "0.125", "3.5", "-0,5"], declared), None);
@@ -72,6 +77,9 @@ mod tests {
                 assert!(told.starts_with(&format!("row 3, column 2: \"{thousand}\" may be a thousand")), "{told}");
             }
         }
+        // a comma in a word is no decimal one
+        let words = [(2, StringRecord::from(vec!["0,5", "133.000"]))];
+        assert_eq!(thousand(&words, &NUMBERS).map(|e| e.to_string()), None);
         // without a decimal comma, points are decimal
         assert_eq!(of(&["1.000", "30"], None), None);
         assert_eq!(of(&["30,2", "1.000"], Some('.')), None);
