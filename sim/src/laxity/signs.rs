@@ -161,16 +161,23 @@ fn turned_at(trials: &[LaxityTrial], c: Coordinate) -> Vec<i64> {
     }
     let limit = |of: &[(Coordinate, f64)]| of.iter().find(|(i, _)| *i == c).map_or(f64::INFINITY, |(_, l)| *l);
     let (least, works, moves) = (limit(&LEAST_SPREAD), limit(&WORKING_LOAD), limit(&LEAST_MOTION));
-    let is_turned = |of: &[[f64; 2]]| {
+    let shows = |of: &[[f64; 2]]| {
         let most = |k: usize, sign: f64| of.iter().map(|p| sign * p[k]).fold(f64::NEG_INFINITY, f64::max);
         let (plus, minus) = (most(0, 1.0), most(0, -1.0));
-        let shows = plus.min(minus) >= least && plus.max(minus) >= works && most(1, 1.0) + most(1, -1.0) >= moves;
-        let mean = |k: usize| of.iter().map(|p| p[k]).sum::<f64>() / of.len() as f64;
-        let means = [mean(0), mean(1)];
-        let product = |i: usize, j: usize| of.iter().map(|p| (p[i] - means[i]) * (p[j] - means[j])).sum::<f64>();
-        shows && product(0, 1) < TURNED * (product(0, 0) * product(1, 1)).sqrt()
+        plus.min(minus) >= least && plus.max(minus) >= works && most(1, 1.0) + most(1, -1.0) >= moves
     };
+    // one reading that jumped, or a code for what was not read, makes no turn
+    let others = |of: &[[f64; 2]], value: f64| of.iter().copied().filter(|p| p[1] != value).collect::<Vec<_>>();
+    let is_turned = |of: &[[f64; 2]]| shows(of) && falls(of) && of.iter().all(|p| falls(&others(of, p[1])));
     positions.into_iter().filter(|(_, of)| is_turned(of)).map(|(flexion, _)| flexion).collect()
+}
+
+/// Whether displacements fall where loads rise, beyond [`TURNED`].
+fn falls(of: &[[f64; 2]]) -> bool {
+    let mean = |k: usize| of.iter().map(|p| p[k]).sum::<f64>() / of.len() as f64;
+    let means = [mean(0), mean(1)];
+    let product = |i: usize, j: usize| of.iter().map(|p| (p[i] - means[i]) * (p[j] - means[j])).sum::<f64>();
+    product(0, 1) < TURNED * (product(0, 0) * product(1, 1)).sqrt()
 }
 
 /// Whether flexion is the angle between the shafts, or falls where nominal flexion rises.

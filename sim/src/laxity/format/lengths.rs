@@ -20,6 +20,9 @@ pub(super) fn fitted(
     let width = header.len();
     let named = (0..width).rfind(|k| header.get(*k).is_some_and(|name| !name.is_empty())).map_or(0, |k| k + 1);
     let are_ends = are_ends(&rows, separator);
+    // where the last column is never empty, a decimal comma pushes a number beyond the header
+    let is_full = |record: &StringRecord| record.get(width - 1).is_none_or(|last| !last.is_empty());
+    let are_full = width > 0 && rows.iter().all(|(_, record)| is_full(record));
     let hint = if separator == b',' { COMMAS } else { "" };
     let fit = |(number, mut record): (usize, StringRecord)| {
         let len = record.len();
@@ -37,7 +40,7 @@ pub(super) fn fitted(
                 ),
             ));
         }
-        if len > width && !are_ends && !has_point(&record) {
+        if len > width && !are_ends && !(are_full && has_point(&record)) {
             let what = format!(
                 "{len} cells, of which the last are empty, and the header has {width} columns{hint}; where its numbers are whole, take the separators at the row's end out"
             );
@@ -51,7 +54,7 @@ pub(super) fn fitted(
 }
 
 /// Whether empty cells at the end come of separators there in every row. A decimal comma makes a cell more, too, and an empty last cell then moves beyond
-/// the header. So among commas every row must have as many cells, and a number must have a decimal point. A row that has one itself needs no others.
+/// the header. So among commas every row must have as many cells, and a number must have a decimal point. A row that has one itself needs no others where the last column is filled throughout.
 fn are_ends(rows: &[(usize, StringRecord)], separator: u8) -> bool {
     let lengths: BTreeSet<usize> = rows.iter().map(|(_, record)| record.len()).collect();
     separator != b',' || lengths.len() == 1 && rows.iter().any(|(_, record)| has_point(record))
@@ -91,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn ragged_ends_are_left_out_where_a_number_of_the_row_has_a_point() {
+    fn ragged_ends_are_left_out_where_a_number_of_the_row_has_a_point_and_the_last_column_is_filled() {
         let plain = rows(&["a,1.5,2", "b,0.5,3"], ',');
         for ends in [["a,1.5,2,", "b,0.5,3"], ["a,1.5,2", "b,0.5,3,,"], ["a,1.5,2,,,", "b,0.5,3,"]] {
             assert_eq!(fitted(rows(&ends, ','), &header(3), b','), Ok(plain.clone()), "{ends:?}");
@@ -109,7 +112,7 @@ mod tests {
     /// The last cell is empty, and a decimal comma parts one before it: the row has an empty cell too many.
     #[test]
     fn an_empty_cell_that_a_decimal_comma_pushed_beyond_the_header_is_refused() {
-        for all in [["a,1,5,", "b,0.5,"], ["a,1,5,", "b,0,5,"]] {
+        for all in [["a,1,5,", "b,0.5,"], ["a,1,5,", "b,0,5,"], ["a,1,0.5,", "b,0.5,"]] {
             let told = fitted(rows(&all, ','), &header(3), b',').unwrap_err().to_string();
             assert!(told.starts_with("row 2: 4 cells") && told.contains("decimal commas"), "{told}");
         }
