@@ -166,10 +166,18 @@ fn turned_at(trials: &[LaxityTrial], c: Coordinate) -> Vec<i64> {
         let (plus, minus) = (most(0, 1.0), most(0, -1.0));
         plus.min(minus) >= least && plus.max(minus) >= works && most(1, 1.0) + most(1, -1.0) >= moves
     };
-    // one reading that jumped, or a code for what was not read, makes no turn
-    let others = |of: &[[f64; 2]], value: f64| of.iter().copied().filter(|p| p[1] != value).collect::<Vec<_>>();
-    let is_turned = |of: &[[f64; 2]]| shows(of) && falls(of) && of.iter().all(|p| falls(&others(of, p[1])));
-    positions.into_iter().filter(|(_, of)| is_turned(of)).map(|(flexion, _)| flexion).collect()
+    // one reading that jumped, or a code for what was not read, makes no turn: each lies on the other side of the middle of the other positions
+    let is_beyond = |flexion: i64, of: &[[f64; 2]]| {
+        let others = || positions.iter().filter(move |(there, _)| **there != flexion).flat_map(|(_, of)| of);
+        let mean = |sign: f64| {
+            let pushed: Vec<f64> = others().filter(|p| sign * p[0] >= least).map(|p| p[1]).collect();
+            pushed.iter().sum::<f64>() / pushed.len() as f64
+        };
+        let middle = f64::midpoint(mean(1.0), mean(-1.0));
+        of.iter().filter(|p| p[0].abs() >= least).all(|p| p[0] * (p[1] - middle) < 0.0)
+    };
+    let is_turned = |flexion: i64, of: &[[f64; 2]]| shows(of) && falls(of) && is_beyond(flexion, of);
+    positions.iter().filter(|(flexion, of)| is_turned(**flexion, of)).map(|(flexion, _)| *flexion).collect()
 }
 
 /// Whether displacements fall where loads rise, beyond [`TURNED`].
