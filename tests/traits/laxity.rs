@@ -101,7 +101,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
     };
     const TURNED: &[&str] = &["sign", "turned", "point that way", "moves against its load"];
     const UNIT: &[&str] = &["unit", "beyond"];
-    match dice.below(57) {
+    match dice.below(58) {
         0 => of("flexion zeroed", &["zeroed"], {
             Box::new(|folder| {
                 cells(folder, |h, row, c| {
@@ -240,6 +240,12 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
                 (0..rows[0].len()).map(column).collect::<String>().into_bytes()
             })
         }),
+        54 => of("sign of ie_deg at one flexion", TURNED, {
+            Box::new(|folder| {
+                let turned = |c: &str| (-c.parse::<f64>().unwrap()).to_string();
+                cells(folder, |h, row, c| (h == "ie_deg" && row[2].starts_with("30")).then(|| turned(c)));
+            })
+        }),
         55 => of("kN in load_ap_n of posterior tests", &["unit"], {
             Box::new(|folder| {
                 let kilo = |c: &str| (c.parse::<f64>().unwrap() / 1000.0).to_string();
@@ -252,7 +258,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
                 t.lines().enumerate().map(ended).collect::<String>().into_bytes()
             })
         }),
-        54 => of("thousands with points among decimal commas", &["thousand"], {
+        57 => of("thousands with points among decimal commas", &["thousand"], {
             Box::new(|folder| {
                 cells(folder, |h, _, _| (h == "load_si_n").then(|| "1000".to_owned()));
                 let german = text(&folder.join(TABLE)).replace(',', ";").replace('.', ",").replace(";1000;", ";1.000;");

@@ -16,6 +16,19 @@ fn changed(change: impl Fn(&str, f64, usize, f64) -> f64) -> String {
 }
 
 #[test]
+fn a_sign_that_is_turned_at_one_flexion_is_told_there() {
+    assert_eq!(said(&changed(|_, _, _, x| x)), "");
+    for (at, column) in [(9, "vv_deg"), (10, "ie_deg"), (12, "ap_mm")] {
+        for there in [0.0, 30.0, 90.0] {
+            let words = said(&changed(|_, flexion, k, x| if k == at && flexion == there { -x } else { x }));
+            let wanted =
+                format!("against its load in {column} at 1 of 3 flexions, the first {there} deg, and with it at 2");
+            assert!(words.contains(&wanted), "{wanted}: {words}");
+        }
+    }
+}
+
+#[test]
 fn noise_under_no_load_or_of_a_knee_that_stands_still_is_not_called_a_turned_sign() {
     // what plain() reads without a load, and loads and motions of nothing
     for (load, column, at_rest, pair) in [
