@@ -34,7 +34,7 @@ mod warnings;
 
 use body::Body;
 pub(crate) use html::escaped;
-use html::foot;
+use html::{SKIP_TO_KNEE, foot};
 pub(crate) use html::{head, plotly_js};
 
 /// What other pages of the program are made of too.
@@ -154,8 +154,7 @@ fn methods(folder: &BuildFolder, records: &[Record]) -> String {
 fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> Result<String, BuildError> {
     let mut body = Body::new(folder, records, "a", true);
     let (id, synthetic) = body.identity();
-    let mut html = head(&id);
-    html += &format!(
+    let mut html = format!(
         "<header><h1>{}</h1><p>From raw measurements to a model of the knee, stage by stage.</p>",
         escaped(&id)
     );
@@ -180,7 +179,8 @@ fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> 
     html += &body.methods(records);
     html += "</main>";
     let live = body.live_scripts();
-    Ok(html + &foot(json!({"a": body.data()}), &live))
+    let skip = if body.is_live() { SKIP_TO_KNEE } else { "" };
+    Ok(head(&id) + skip + &html + &foot(json!({"a": body.data()}), &live))
 }
 
 fn contents(records: &[Record], failure: Option<&Failure>, live: bool) -> String {

@@ -392,7 +392,8 @@ class Live(Check):
         about = expected["about"]
         self.browser.ask("/url", {"url": "about:blank"})
         self.browser.ask("/url", {"url": page.as_uri()})
-        self.tabbed("nav a[href='#live']")
+        # a link of its own: how many controls stand before the knee depends on warnings, and on whether the knee is open already
+        self.tabbed("a.skip[href='#live']", most=2)
         self.browser.press(ENTER)
         self.expect(self.settled(120), "by the link to the section: the knee is not open")
         self.entered("[data-preset='Lachman']")

@@ -8,7 +8,7 @@ use super::numbers::Value;
 use super::outcome::{Outcome, TestTold};
 use super::planned::planned;
 use super::table::{chance, shown, unit, value};
-use crate::report::html::LivePart;
+use crate::report::html::{LivePart, SKIP_TO_KNEE};
 use crate::report::{escaped, head};
 use std::fmt::Write;
 use validation::plot::{Series, colour, draw, panel};
@@ -31,6 +31,9 @@ pub(super) struct Live {
 pub(super) fn page(out: &Outcome, label: &str, (maps, live): (&[Map], &Live)) -> String {
     let title = if out.plan.is_empty() { "Plan" } else { &out.plan };
     let mut text = head(&format!("{title}: plan")).replace("To the stages", "To the plan");
+    if live.part.is_ok() {
+        text += SKIP_TO_KNEE;
+    }
     text += FIGURES;
     text += STYLE;
     let _ = write!(text, "<header><h1>{}</h1><p>{}</p></header><main id=\"stages\">", escaped(title), escaped(label));

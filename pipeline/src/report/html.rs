@@ -12,6 +12,9 @@ pub(crate) fn head(title: &str) -> String {
     )
 }
 
+/// The second link of a page with a knee to pull at. A hand on the keyboard is there by two presses, however much stands before the knee.
+pub(crate) const SKIP_TO_KNEE: &str = "<a class=\"skip\" href=\"#live\">To the knee</a>";
+
 /// The parts of a page in which its reader pulls at a model.
 pub(crate) struct LivePart {
     /// The section.
