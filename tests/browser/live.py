@@ -375,11 +375,14 @@ class Live(Check):
 
     def tabbed(self, selector, most=60):
         """Goes on by Tab to a control."""
-        for _ in range(most):
-            if self.browser.run("return document.activeElement.matches(arguments[0])", selector):
+        passed = []
+        for _ in range(most + 1):
+            there, place = self.browser.run("const a=document.activeElement; return [a.matches(arguments[0]), a.id || a.textContent.trim().slice(0, 20) || a.tagName]", selector)
+            if there:
                 return
+            passed.append(place)
             self.browser.press(TAB)
-        self.expect(False, f"{selector} is not reached by {most} Tabs")
+        self.expect(False, f"{selector} is not reached by {most} Tabs: {passed}")
 
     def entered(self, selector):
         """Goes on by Tab to a control and presses Enter there."""
