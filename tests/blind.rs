@@ -208,6 +208,21 @@ fn a_bench_of_cuts_has_each_trial_in_its_files_or_left_out_and_each_case_made_or
     }
 }
 
+/// As in a bench: what no laboratory reads stands in no file.
+#[test]
+fn a_phantom_of_a_cut_ligament_has_no_trial_in_which_its_knee_lies_out_of_its_joint() {
+    let folder = TempDir::new().unwrap();
+    let knee = folder.path().join("knee");
+    let made = build_model().args(["phantom", PHANTOMS[2], "--hide", "cut_ACL"]).arg(&knee).assert().success();
+    let said = String::from_utf8(made.get_output().stdout.clone()).unwrap();
+    let truth = json(&knee.join("truth/laxity.json"));
+    let left_out = truth["out_of_joint"].as_array().map_or(0, Vec::len);
+    assert!(left_out > 0 && said.contains(&format!("Left out are {left_out} trials")), "{left_out}: {said}");
+    let read: usize = ["kla", "rks"].map(|s| rows(&knee.join(format!("laxity/{s}.csv")))).iter().sum();
+    assert_eq!(read + left_out, 54);
+    assert_eq!(truth["signature"].as_array().unwrap().len(), read);
+}
+
 #[test]
 fn what_the_knee_read_before_is_the_same_knee_on_another_day_and_its_case_is_as_without() {
     let folder = TempDir::new().unwrap();

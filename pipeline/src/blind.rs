@@ -17,7 +17,9 @@ use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
 pub(crate) use copied::planned;
+pub(crate) use drawn::apart;
 pub use hard::Laboratory;
+pub(crate) use make::kept;
 
 /// `build-model blind`.
 #[derive(Subcommand, Clone, Debug)]

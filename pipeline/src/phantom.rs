@@ -1,11 +1,12 @@
 //! `phantom`: writes a synthetic specimen, its laxity measured by the bench's laboratory on its true shape.
 
+use crate::blind::{apart, kept};
 use crate::error::BuildError;
 use crate::record::json;
 use crate::store;
 use crate::told::{Told, schemas};
 use blindbench::knee::{BundleInput, KneeInput};
-use blindbench::laboratory::{Case, Planned, make};
+use blindbench::laboratory::{Planned, make};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
 use schemars::JsonSchema;
@@ -39,7 +40,7 @@ pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) 
     let made = if volume { stages::phantom::phantom_volume(id, seed) } else { stages::phantom::phantom(id, seed) };
     let mut made = made.map_err(|e| fail(e.to_string()))?;
     let protocols = if id == MRI_PHANTOM { &LIVING[..] } else { &PROTOCOLS[..] };
-    measure(&mut made, protocols, hide.unwrap_or("null"), seed).map_err(fail)?;
+    let left_out = measure(&mut made, protocols, hide.unwrap_or("null"), seed).map_err(fail)?;
     let same = store::read_text(&dir.join("specimen.toml")).is_ok_and(|t| t.contains(&format!("id = \"{id}\"")));
     if !store::list(dir).is_empty() && !same {
         return Err(BuildError::of_file(dir, format!("{} is not empty; give a new folder", dir.display())));
@@ -62,8 +63,13 @@ pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) 
         folder: dir.display().to_string(),
         files: made.files.iter().map(|(name, _)| name.clone()).collect(),
     };
+    let of_cut = if left_out == 0 {
+        String::new()
+    } else {
+        format!(" Left out are {left_out} trials in which the cut knee lies out of its joint.")
+    };
     let words = format!(
-        "A synthetic knee, {id}, is in {}. Build its model: {}\n",
+        "A synthetic knee, {id}, is in {}.{of_cut} Build its model: {}\n",
         dir.display(),
         crate::suggested::command_on("build", dir)
     );
@@ -199,32 +205,49 @@ impl Protocol {
     }
 }
 
-/// Adds laxity/ and truth/laxity.json to a phantom's files, and names them in its specimen.toml.
-fn measure(made: &mut PhantomSpecimen, protocols: &[Protocol], hide: &str, seed: u64) -> Result<(), String> {
+/// Adds laxity/ and truth/laxity.json to a phantom's files, and names them in its specimen.toml. As in a bench, trials in which a cut knee lies out of its
+/// joint are left out of the files and of the truth's signature; gives how many.
+///
+/// Errors: an unknown effect; a cut knee that lies out of its joint in half of a data set.
+fn measure(made: &mut PhantomSpecimen, protocols: &[Protocol], hide: &str, seed: u64) -> Result<usize, String> {
     let knee = knee(made)?;
     let files = &mut made.files;
     let sets: Vec<(&Protocol, Vec<LaxityTrial>)> = protocols.iter().map(|p| (p, p.trials())).collect();
     let plan: Vec<Planned> =
         sets.iter().flat_map(|(p, trials)| trials.iter().map(|t| crate::blind::planned(p.source, t))).collect();
-    let Case { readings, truth } = make(&knee, &plan, "phantom", (hide, 1.0), seed).map_err(|e| e.to_string())?;
-    let readings: Vec<Free<f64>> = readings.into_iter().map(Free).collect();
-    let mut rest = readings.as_slice();
+    let mut case = make(&knee, &plan, "phantom", (hide, 1.0), seed).map_err(|e| e.to_string())?;
+    if let Some(of) = apart(&case, &plan) {
+        return Err(no_test(hide, &of));
+    }
+    let left_out = case.truth.out_of_joint.clone();
+    case.truth.signature = kept(&case.truth.signature, &left_out);
+    let mut read = sets.iter().flat_map(|(_, trials)| trials).zip(&case.readings).enumerate();
     let mut table = "\n[laxity]\n".to_owned();
     for (protocol, trials) in &sets {
-        let (of, after) = rest.split_at(trials.len());
-        rest = after;
+        let own = read.by_ref().take(trials.len()).filter(|(k, _)| !left_out.contains(k));
+        let (trials, of): (Vec<LaxityTrial>, Vec<Free<f64>>) = own.map(|(_, (t, r))| (t.clone(), Free(*r))).unzip();
         let source = protocol.source;
         let text = match protocol.reads {
-            Reads::Poses(_) => poses_csv(trials, of),
-            Reads::Displacements(_) => displacements_csv(trials, of),
+            Reads::Poses(_) => poses_csv(&trials, &of),
+            Reads::Displacements(_) => displacements_csv(&trials, &of),
         };
         files.push((format!("laxity/{source}.csv"), text.into_bytes()));
         table += &format!("{source} = \"laxity/{source}.csv\"\n");
     }
-    files.push(("truth/laxity.json".into(), json(&truth)));
+    files.push(("truth/laxity.json".into(), json(&case.truth)));
     let toml = files.iter_mut().find(|(name, _)| name == "specimen.toml").ok_or("no specimen.toml")?;
     toml.1.extend(table.bytes());
-    Ok(())
+    Ok(left_out.len())
+}
+
+/// Why a hidden effect leaves no test: trials of each data set in which the knee lies out of its joint, and how many there are.
+fn no_test(hide: &str, of: &[(String, [usize; 2])]) -> String {
+    let each: Vec<String> =
+        of.iter().map(|(source, [out, all])| format!("{out} of {all} trials of {source}")).collect();
+    format!(
+        "--hide {hide}: the knee lies out of its joint in {}; fewer than half of each data set was expected. Give another --seed, or hide another effect",
+        each.join(" and ")
+    )
 }
 
 /// Readings as poses.
@@ -248,6 +271,10 @@ fn displacements_csv(trials: &[LaxityTrial], readings: &[Free<f64>]) -> String {
         let mut told = LaxityTrial { sd: Free::all(None), ..t.clone() };
         told.load[SI] = 0.0;
         let zero = trials.iter().position(|z| z.test == Test::Neutral && z.fe_deg == t.fe_deg);
+        // a trial whose unloaded one was left out has nothing to be read from
+        if t.test != Test::Neutral && zero.is_none() {
+            continue;
+        }
         if let (Some(c), Some(k)) = (t.test.coordinate(), zero) {
             told.measured[c] = Some(read[c] - readings[k][c]);
             let load = Load::default();

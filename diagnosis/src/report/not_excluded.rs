@@ -152,7 +152,7 @@ pub(crate) fn ahead(of: &[NotExcluded]) -> Vec<(&str, f64)> {
 pub(crate) fn fits_best(of: &[NotExcluded], best: Option<f64>) -> String {
     let told = ahead(of);
     let Some((&(first, log_odds), others)) = told.split_first() else { return String::new() };
-    let odds = format!("({} by these trials alone, not enough by the bar)", to_one(log_odds));
+    let odds = format!("({} by these trials alone, too little to name it)", to_one(log_odds));
     let mut out = if best.is_some_and(|earned| earned > log_odds) {
         format!("No effect is proven by these trials. Of tears, a torn {first} fits best {odds}.")
     } else {
@@ -161,19 +161,23 @@ pub(crate) fn fits_best(of: &[NotExcluded], best: Option<f64>) -> String {
     if !others.is_empty() {
         let each = others.iter().map(|(structure, log_odds)| format!("a torn {structure} ({})", to_one(*log_odds)));
         let comes = if others.len() == 1 { "comes" } else { "come" };
-        let _ = write!(out, " After it {comes} {}, then nothing.", list(&each.collect::<Vec<_>>(), "and"));
+        let _ = write!(
+            out,
+            " After it {comes} {}, then a knee that lacks nothing.",
+            list(&each.collect::<Vec<_>>(), "and")
+        );
     }
     out
 }
 
-/// What a list holds that no answer tells, in words: the tears ahead of a knee that lacks nothing, "or nothing", then the tears behind it.
+/// What a list holds that no answer tells, in words: the tears ahead of a knee that lacks nothing, that knee, then the tears behind it.
 pub(crate) fn in_words(of: &[NotExcluded]) -> String {
     let Some(at) = of.iter().position(NotExcluded::is_nothing) else { return list(&tears(of), "or") };
     let (ahead, behind) = (tears(&of[..at]), tears(&of[at + 1..]));
     let first = if ahead.is_empty() {
         "that nothing is missing".to_owned()
     } else {
-        format!("{}, or nothing", ahead.join(", "))
+        format!("{}, or a knee that lacks nothing", ahead.join(", "))
     };
     if behind.is_empty() { first } else { format!("{first}; nor, less likely, {}", list(&behind, "or")) }
 }
@@ -200,14 +204,14 @@ mod tests {
         let band = Named { effect: "itb".into(), scope: "kla".into(), variant: None, parameters: [].into() };
         let answer = NotExcluded { effects: vec![band], torn: None, log_odds: 0.0 };
         let list = [torn("sMCL", 0.4), nothing_missing(0.0), answer, torn("PCL", -2.0)];
-        assert_eq!(in_words(&list), "a torn sMCL, or nothing; nor, less likely, a torn PCL");
+        assert_eq!(in_words(&list), "a torn sMCL, or a knee that lacks nothing; nor, less likely, a torn PCL");
         // where nothing comes first it is a sentence; where it is excluded there is no word of it
         assert_eq!(in_words(&list[1..]), "that nothing is missing; nor, less likely, a torn PCL");
         let two = [torn("ACL", -0.1), torn("PCL", -2.0)];
         assert_eq!(in_words(&two), "a torn ACL or a torn PCL");
         assert_eq!(
             in_words(&[torn("ACL", 2.0), torn("PCL", 1.0), nothing_missing(0.0)]),
-            "a torn ACL, a torn PCL, or nothing"
+            "a torn ACL, a torn PCL, or a knee that lacks nothing"
         );
         assert!(in_words(&[]).is_empty());
     }
@@ -218,8 +222,8 @@ mod tests {
         let told = fits_best(&list, Some(-3.5));
         assert_eq!(
             told,
-            "No effect is proven by these trials. What fits best is a torn PCL (75 to 1 by these trials alone, not enough by the bar). \
-             After it come a torn ALS (5.1 to 1) and a torn POL (1.1 to 1), then nothing."
+            "No effect is proven by these trials. What fits best is a torn PCL (75 to 1 by these trials alone, too little to name it). \
+             After it come a torn ALS (5.1 to 1) and a torn POL (1.1 to 1), then a knee that lacks nothing."
         );
         // an effect that fits better still keeps its place
         assert!(fits_best(&list, Some(4.5)).contains("Of tears, a torn PCL fits best (75 to 1"));

@@ -1,12 +1,17 @@
 //! The answer in plain words, before any number of statistics: what it means, and what would tell.
 
+mod none;
+
 use crate::effect::catalogue::Catalogue;
 use crate::fit::next_test::NextTest;
 use crate::fit::share_at_whole;
-use crate::report::not_excluded::{fits_best, in_words};
-use crate::report::plain_unnamed::{closing, closing_most, contradictions, leaves_most, meaning, noise};
-use crate::report::words::{figures, from_before, listed, next_tells, place_of, with_unit};
-use crate::report::{Answer, Carried, Diagnosis, LeftOut, MayBeTorn, Named, Verdict};
+use crate::report::not_excluded::in_words;
+use crate::report::plain_unnamed::{
+    closing, closing_most, contradictions, contradictions_beside, leaves_most, meaning, noise,
+};
+use crate::report::words::{figures, from_before, next_tells, with_unit};
+use crate::report::{Answer, Carried, Diagnosis, LeftOut, Named, Verdict};
+use none::{nothing, open_tears};
 use std::fmt::Write;
 
 /// Expected log odds below which no single test is worth calling one that would tell [nats]: odds of less than three to one.
@@ -24,20 +29,32 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
         Verdict::Unnamed => unnamed(catalogue, d),
         _ => named(catalogue, d),
     };
-    if d.verdict != Verdict::Unnamed {
-        out += &contradictions(&d.contradictions);
+    let is_unnamed = d.verdict == Verdict::Unnamed;
+    let to_tell = line(&test(d));
+    // what to do comes second; of `unnamed` that is which rows to repeat, in its own sentences
+    if !is_unnamed {
+        out += &to_tell;
+    }
+    match d.verdict {
+        Verdict::None => out += &(open_tears(d) + &contradictions(&d.contradictions)),
+        Verdict::Unnamed => {}
+        _ => out += &contradictions_beside(&d.contradictions),
     }
     // beside an answer, what is rough may be the answer's own
     if d.answers.is_empty() {
         out += &noise(&d.noise);
     }
-    let aside = d.left_out.as_ref().map_or(String::new(), left_out);
-    for more in
-        [not_excluded(d), test(d), unlikely(&d.ligament_forces), from_before(d), aside].iter().filter(|m| !m.is_empty())
-    {
-        let _ = write!(out, "\n{more}");
+    out += &line(&not_excluded(d));
+    if is_unnamed {
+        out += &to_tell;
     }
-    out
+    let aside = d.left_out.as_ref().map_or(String::new(), left_out);
+    out + &[unlikely(&d.ligament_forces), from_before(d), aside].map(|more| line(&more)).concat()
+}
+
+/// A text as a line of its own; nothing where there is none.
+fn line(text: &str) -> String {
+    if text.is_empty() { String::new() } else { format!("\n{text}") }
 }
 
 /// What the data do not exclude beside what the head says already; nothing where no tear is among it.
@@ -62,7 +79,19 @@ fn named(catalogue: &Catalogue, d: &Diagnosis) -> String {
         let how = if d.verdict == Verdict::OneOf { "Or" } else { "These data alone would not exclude that" };
         let _ = write!(out, " {how} {}.", others.join(", or "));
     }
-    out
+    out + &at_the_bench(catalogue, d)
+}
+
+/// What to do first: the bench check of each effect of the first answer.
+fn at_the_bench(catalogue: &Catalogue, d: &Diagnosis) -> String {
+    let mut checks: Vec<&str> = Vec::new();
+    for e in d.answers.iter().take(1).flat_map(|a| &a.effects) {
+        let Ok((found, _)) = catalogue.find(&e.effect) else { continue };
+        if !checks.contains(&found.bench.as_str()) {
+            checks.push(&found.bench);
+        }
+    }
+    if checks.is_empty() { String::new() } else { format!("\nTo do first, at the bench: {}", checks.join(" ")) }
 }
 
 fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
@@ -86,65 +115,13 @@ fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     out
 }
 
-/// What `none` means: whether all is explained, which tears fit better all the same, and which such trials would not have named.
-fn nothing(d: &Diagnosis) -> String {
-    let worst = d.map.iter().filter(|c| c.significant).max_by(|a, b| a.z.abs().total_cmp(&b.z.abs()));
-    let missed =
-        worst.map(|c| format!("The model misses these trials in places by more than noise, most in {}.", place_of(c)));
-    let better = fits_best(&d.not_excluded, d.best_log_bayes_factor);
-    let is_better = !better.is_empty();
-    let mut out = match missed {
-        Some(missed) if is_better => format!("{missed} {better}"),
-        Some(missed) => format!("{missed} No effect of the catalogue explains that."),
-        None if is_better => better,
-        None => "Nothing is missing from the model that these trials show.".to_owned(),
-    };
-    let (slack, open): (Vec<&MayBeTorn>, Vec<&MayBeTorn>) = d.may_be_torn.iter().partition(|t| t.is_slackened());
-    for (k, t) in slack.iter().enumerate() {
-        let lead = match (k, is_better) {
-            (0, true) => "The model fits",
-            (0, false) => "But it fits",
-            _ => "And it fits",
-        };
-        let _ = write!(out, " {lead} only with {}", slackened(t));
-    }
-    out += &missed_tears(&open, d.threshold);
-    if !d.may_be_torn.is_empty() && d.before.is_empty() {
-        out += " What the same knee read while it was whole would tell (--before NAME=FILE).";
-    }
-    out
-}
-
-/// Which tears such trials would not name, and which of these the readings speak against all the same. Others that are open stand in what is not excluded.
-fn missed_tears(open: &[&MayBeTorn], threshold: f64) -> String {
-    let names = |of: &[&MayBeTorn]| listed(&of.iter().map(|t| t.structure.as_str()).collect::<Vec<_>>(), "or");
-    let missed: Vec<&MayBeTorn> = open.iter().copied().filter(|t| t.would_be_missed(threshold)).collect();
-    if missed.is_empty() {
-        return String::new();
-    }
-    let against: Vec<&MayBeTorn> = missed.iter().copied().filter(|t| t.fits_worse_torn).collect();
-    let mut out = format!(" A whole tear of the {} would not be named by these trials.", names(&missed));
-    if !against.is_empty() {
-        let _ = write!(out, " These readings speak against a tear of the {} all the same.", names(&against));
-    }
-    out
-}
-
-/// A structure slacker than it was given, with which alone the model fits, and what that may be.
-fn slackened(t: &MayBeTorn) -> String {
-    let MayBeTorn { structure, now_n, given_n, slack, .. } = t;
-    format!(
-        "a slacker {structure} than the model as given has ({now_n:.0} N at most in these trials, not {given_n:.0} N): that is torn, or slack by \
-         {:.0} % of its length or more, and these trials cannot tell which.",
-        100.0 * slack
-    )
-}
-
 /// That trials were left out, and how many.
 fn left_out(of: &LeftOut) -> String {
     let (out, all) = (of.trials.len(), of.of);
-    let (were, there) = if out == 1 { ("was", "it") } else { ("were", "each") };
-    format!("{out} of {all} trials {were} left out, since the knee lies out of its joint in {there}.")
+    let were = if out == 1 { "was" } else { "were" };
+    format!(
+        "{out} of {all} trials {were} left out: as read, the knee lies out of its joint there, or a frame or an origin is off."
+    )
 }
 
 fn answer(catalogue: &Catalogue, a: &Answer) -> String {
@@ -163,7 +140,7 @@ fn effect(catalogue: &Catalogue, e: &Named) -> String {
         return if high >= whole {
             let weight = share_at_whole((value.value, value.sd), of).unwrap_or_default();
             format!(
-                "the {about} is torn{place} (weight {weight:.2}), or has lost {:.0} % or more of what it carries",
+                "the {about} is torn{place} (weight of a whole tear: {weight:.2}), or has lost {:.0} % or more of what it carries",
                 percent(low)
             )
         } else {
@@ -233,7 +210,7 @@ fn unlikely(forces: &[Carried]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{Tried, Unexplained, Value};
+    use crate::report::{MayBeTorn, Tried, Unexplained, Value};
 
     fn lost(structure: &str, value: f64, sd: f64) -> Named {
         let parameters = [("loss".to_owned(), Value { value, sd, unit: "-".into() })].into();
@@ -244,8 +221,23 @@ mod tests {
     fn a_loss_is_told_as_a_tear_only_where_all_may_be_lost() {
         let words = |value, sd| effect(&Catalogue::shipped(), &lost("ACL", value, sd));
         // of what may be all, the share of a tear stands beside the interval of a part
-        assert_eq!(words(1.0, 0.05), "the ACL is torn (weight 0.98), or has lost 92 % or more of what it carries");
+        assert_eq!(
+            words(1.0, 0.05),
+            "the ACL is torn (weight of a whole tear: 0.98), or has lost 92 % or more of what it carries"
+        );
         assert_eq!(words(0.5, 0.1), "the ACL has lost 34 to 66 % of what it carries");
+    }
+
+    #[test]
+    fn an_answer_comes_first_with_its_bench_check_and_nothing_named_has_none() {
+        let loss = lost("PCL", 1.0, 0.01);
+        let answer =
+            Answer { effects: vec![loss.clone(), loss], weight: 0.99, log_bayes_factor: 14.0, held_out_gain: -1.0 };
+        let told = head(&Diagnosis { verdict: Verdict::Probable, answers: vec![answer], ..none(vec![]) });
+        let lines: Vec<&str> = told.lines().collect();
+        assert!(lines[0].starts_with("Most likely the PCL is torn"), "{told}");
+        assert_eq!(lines[1], "To do first, at the bench: Inspect and pull the ligament.");
+        assert!(!head(&none(vec![])).contains("at the bench"));
     }
 
     fn torn(structure: &str) -> MayBeTorn {
@@ -330,12 +322,12 @@ mod tests {
         let slack = MayBeTorn { now_n: 40.0, against_given: 14.0, ..torn("PCL") };
         let told = head(&none(vec![slack.clone(), MayBeTorn { structure: "LCL".into(), ..slack.clone() }]));
         assert!(
-            told.contains("But it fits only with a slacker PCL")
-                && told.contains("And it fits only with a slacker LCL"),
+            told.contains("\nBut the model fits only with a slacker PCL")
+                && told.contains("\nAnd it fits only with a slacker LCL"),
             "{told}"
         );
         assert!(
-            told.contains("that is torn, or slack by 7 % of its length or more, and these trials cannot tell which."),
+            told.contains("It is torn, or slack by 7 % of its length or more; these trials cannot tell which."),
             "{told}"
         );
         // calibrations of one knee differ: less force alone is no finding where a tear fits worse
@@ -399,10 +391,14 @@ mod tests {
             told.starts_with("No effect is proven by these trials. What fits best is a torn PCL (74 to 1"),
             "{told}"
         );
-        assert!(!told.contains("othing is missing") && told.contains("not exclude: a torn PCL, or nothing."), "{told}");
+        assert!(
+            !told.contains("othing is missing")
+                && told.contains("not exclude: a torn PCL, or a knee that lacks nothing."),
+            "{told}"
+        );
         let slack = MayBeTorn { now_n: 40.0, against_given: 14.0, ..torn("PCL") };
         let told = head(&Diagnosis { may_be_torn: vec![slack], ..better });
-        assert!(told.contains(". The model fits only with a slacker PCL") && !told.contains("But it"), "{told}");
+        assert!(told.contains(".\nThe model fits only with a slacker PCL") && !told.contains("But the"), "{told}");
         let whole = Diagnosis { not_excluded: vec![state(None, 0.0)], ..none(vec![]) };
         assert!(!head(&whole).contains("not exclude"));
     }

@@ -15,7 +15,7 @@ use tried::best;
 
 pub(crate) use nearest::{closing, closing_most, leaves_most};
 pub(crate) use noise::noise;
-pub(crate) use rows::contradictions;
+pub(crate) use rows::{contradictions, contradictions_beside};
 pub use rows::{load, row};
 pub use tried::did_not_converge;
 

@@ -27,7 +27,7 @@ pub(crate) fn description(
                 "No disagreement beyond measurement noise and the declared floor of the model."
             };
             out += &nearest(problem, d, search);
-            out += " Effects smaller than those of the table would more often have been missed than named.";
+            out += " Smaller effects may hide: the page lists the sizes that would have been missed.";
         }
         Verdict::Unnamed if d.exchanged.as_ref().is_some_and(|e| e.log_bayes_factor > field.log_bayes_factor) => {
             out += "What disagrees is nothing that the catalogue has.";
@@ -110,26 +110,35 @@ fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
 /// That a tear comes nearest: its log odds stand before any prior of one, so those of a name are no bar to hold them against.
 fn torn_nearest(structure: &str, log_odds: f64) -> String {
     format!(
-        " What comes nearest is a torn {structure}. The data are likelier with it, but not by enough by the bar (log odds {log_odds:.1}, before any prior of a tear)."
+        " What comes nearest is a torn {structure}. The data are likelier with it, but not by enough for a name (log odds {}, before any prior of a tear).",
+        fixed(log_odds, 1)
     )
 }
 
 /// That an effect comes nearest and is not enough for a name: first what that means, then its log odds and those that a name takes.
 fn short_of_a_name(what: &str, log_odds: f64, needed: f64) -> String {
     let means = if log_odds > 0.0 { "likelier with it, but not by enough for a name" } else { "no likelier with it" };
-    format!(" What comes nearest is {what}. The data are {means} (log odds {log_odds:.1}; a name takes {needed:.1}).")
+    // two decimals: with one, what falls short by little would read as if it did not
+    let [has, takes] = [log_odds, needed].map(|x| fixed(x, 2));
+    format!(" What comes nearest is {what}. The data are {means} (log odds {has}; a name takes {takes}).")
 }
 
-/// By how much the error on unseen trials falls, and how much of what it could fall that is.
+/// By how much the error on unseen trials falls, and how much of what it could fall that is; or that it does not fall.
 fn shrunk(g: &Gap) -> String {
+    if g.after >= g.before {
+        let [before, after] = [g.before, g.after].map(|x| fixed(x, 2));
+        return format!(
+            " On trials that no calibration had seen the error does not fall: {before} without the answer, {after} with it. So those trials do not speak for it."
+        );
+    }
     format!(
-        " On trials that no calibration had seen the error falls by {:.2}, from {:.2} to {:.2}; noise alone leaves {:.2}, so that is {:.0} % of what \
+        " On trials that no calibration had seen the error falls by {}, from {:.2} to {:.2}; noise alone leaves {:.2}, so that is {} % of what \
          it could fall.",
-        g.before - g.after,
+        fixed(g.before - g.after, 2),
         g.before,
         g.after,
         g.floor,
-        100.0 * g.closed
+        fixed(100.0 * g.closed, 0)
     )
 }
 
@@ -236,12 +245,32 @@ pub fn with_unit(x: f64, unit: &str) -> String {
 /// A number to three figures or so.
 pub(crate) fn figures(x: f64) -> String {
     match x.abs() {
-        a if a >= 100.0 => format!("{x:.0}"),
-        a if a >= 10.0 => format!("{x:.1}"),
+        a if a >= 100.0 => fixed(x, 0),
+        a if a >= 10.0 => fixed(x, 1),
         0.0 => "0".into(),
-        a if a >= 1.0 => format!("{x:.2}"),
-        _ => format!("{x:.3}"),
+        a if a >= 1.0 => fixed(x, 2),
+        _ => fixed(x, 3),
     }
+}
+
+/// A number with so many decimals, never "-0.0".
+pub fn fixed(x: f64, decimals: usize) -> String {
+    let text = format!("{x:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(size) if reads_nothing(size) => size.to_owned(),
+        _ => text,
+    }
+}
+
+/// The same with the sign of what is above 0, too: "+0.3"; what rounds to nothing has no sign.
+pub fn signed(x: f64, decimals: usize) -> String {
+    let text = fixed(x, decimals);
+    if x > 0.0 && !reads_nothing(&text) { format!("+{text}") } else { text }
+}
+
+/// Whether all digits are 0.
+fn reads_nothing(text: &str) -> bool {
+    text.chars().all(|c| matches!(c, '0' | '.'))
 }
 
 /// A ligament's parameter in words, with its unit.
@@ -272,12 +301,14 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
     }
     match (d.wildcard_alone, d.best_log_bayes_factor) {
         (Some(alone), Some(own)) if d.wildcard <= discrepancy().max(ANOTHER * own) && d.exchanged.is_none() => format!(
-            "{best} with a log Bayes factor of {own:.1}; what has no name explains as much, with {alone:.1}, though it was chosen among more: not enough for \
-             a name."
+            "{best} with a log Bayes factor of {}; what has no name explains as much, with {}, though it was chosen among more: not enough for \
+             a name.",
+            fixed(own, 1),
+            fixed(alone, 1)
         ),
         _ => format!(
-            "{best}, but fields of no name earn a log Bayes factor of {:.1} there: not enough for a name.",
-            d.wildcard
+            "{best}, but fields of no name earn a log Bayes factor of {} there: not enough for a name.",
+            fixed(d.wildcard, 1)
         ),
     }
 }
@@ -286,8 +317,8 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
 fn mixed_up(d: &Diagnosis) -> String {
     d.exchanged.as_ref().map_or(String::new(), |e| {
         let [one, other] = &e.trials;
-        let odds = e.log_bayes_factor;
-        format!(" The readings of {one} and of {other} fit each other's place (log odds {odds:.1}): they may have been exchanged.")
+        let odds = fixed(e.log_bayes_factor, 1);
+        format!(" The readings of {one} and of {other} fit each other's place (log odds {odds}): they may have been exchanged.")
     })
 }
 
@@ -298,7 +329,7 @@ fn set_aside(problem: &Problem, jumped: &[String]) -> String {
     if problem.astray.is_empty() {
         return aside;
     }
-    format!("{aside} Left out, since the knee lies out of its joint there: {}.", problem.astray.join(", "))
+    format!("{aside} Left out, since as read the knee lies out of its joint there: {}.", problem.astray.join(", "))
 }
 
 fn worst(map: &[Cell]) -> String {
@@ -307,7 +338,7 @@ fn worst(map: &[Cell]) -> String {
     if cells.is_empty() {
         return String::new();
     }
-    let list: Vec<String> = cells.iter().take(3).map(|c| format!("{} ({:+.1} sd)", place_of(c), c.z)).collect();
+    let list: Vec<String> = cells.iter().take(3).map(|c| format!("{} ({} sd)", place_of(c), signed(c.z, 1))).collect();
     format!(" With ligaments alone recalibrated the model misses most in {}.", list.join(", "))
 }
 
@@ -412,6 +443,25 @@ mod tests {
     }
 
     #[test]
+    fn what_rounds_to_nothing_has_no_sign() {
+        for (decimals, nothing) in [(0, "0"), (1, "0.0"), (2, "0.00"), (3, "0.000")] {
+            let half = 0.4 * 0.1f64.powi(decimals as i32);
+            for x in [half, -half, 0.0, -0.0] {
+                assert_eq!([fixed(x, decimals), signed(x, decimals)], [nothing, nothing], "{x}");
+            }
+        }
+        assert_eq!([fixed(-0.06, 1), fixed(0.06, 1)], ["-0.1", "0.1"]);
+        assert_eq!([signed(-0.06, 1), signed(0.06, 1), signed(10.0, 0)], ["-0.1", "+0.1", "+10"]);
+        assert_eq!(figures(-1e-4), "0.000");
+        // wherever log odds are told
+        for told in [short_of_a_name("gravity", -0.003, 4.95), torn_nearest("PCL", -0.003)] {
+            assert!(told.contains("log odds 0.0") && !told.contains("-0.0"), "{told}");
+        }
+        let short = short_of_a_name("gravity", 4.93, 4.95);
+        assert!(short.contains("log odds 4.93; a name takes 4.95"), "{short}");
+    }
+
+    #[test]
     fn what_came_nearest_is_told_in_words_before_its_log_odds() {
         let (for_it, against) = (short_of_a_name("gravity", 2.1, 4.95), short_of_a_name("gravity", -1.3, 4.95));
         assert!(for_it.contains("likelier with it, but not by enough") && against.contains("no likelier with it"));
@@ -433,6 +483,11 @@ mod tests {
         let rmse = std::collections::BTreeMap::new;
         let told = shrunk(&Gap { before, after, floor, closed, rmse_before: rmse(), rmse_after: rmse() });
         assert!(told.contains("falls by 0.06, from 0.87 to 0.81") && told.contains("100 %"), "{told}");
+        // what does not fall is never said to fall by less than nothing
+        for (before, after) in [(0.74, 1.01), (1.0, 1.0)] {
+            let told = shrunk(&Gap { before, after, floor, closed: 0.0, rmse_before: rmse(), rmse_after: rmse() });
+            assert!(told.contains("does not fall") && !told.contains("falls by") && !told.contains('%'), "{told}");
+        }
     }
 
     #[test]

@@ -147,7 +147,7 @@ fn carries(case: &Case) -> f64 {
 }
 
 /// Trials of each data set in which a knee lies out of its joint, and how many there are; none where that leaves a test.
-fn apart(case: &Case, plan: &[Planned]) -> Option<Vec<(String, [usize; 2])>> {
+pub(crate) fn apart(case: &Case, plan: &[Planned]) -> Option<Vec<(String, [usize; 2])>> {
     let mut of: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
     for (k, trial) in plan.iter().enumerate() {
         let [out, all] = of.entry(&trial.source).or_default();

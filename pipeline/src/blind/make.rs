@@ -166,7 +166,7 @@ fn of_cut((name, kind): (&str, &str), counts: &[(&str, [usize; 2])], apart: usiz
 }
 
 /// Rows but for those at some places.
-fn kept<T: Clone>(rows: &[T], without: &[usize]) -> Vec<T> {
+pub(crate) fn kept<T: Clone>(rows: &[T], without: &[usize]) -> Vec<T> {
     rows.iter().enumerate().filter(|(k, _)| !without.contains(k)).map(|(_, row)| row.clone()).collect()
 }
 

@@ -1,17 +1,16 @@
 //! The page of a diagnosis: one self-contained file that opens offline; and the same inside the report of a build.
 
+mod compared;
+
 use super::diagnosis_curves::picture;
 use super::diagnosis_unnamed::{contradicting, noise, why_unnamed};
 use super::html::{LivePart, escaped, head};
+use compared::{bars, forces, ligaments, maps};
 use diagnosis::diagnosis::atlas::{Atlas, table};
 use diagnosis::effect::catalogue::Catalogue;
-use diagnosis::report::carried::LEAST_N;
 use diagnosis::report::not_excluded::{least_log_odds, to_one};
-use diagnosis::report::words::{listed, next_tells, parameter, parameter_of_effect, sizes, with_unit};
-use diagnosis::report::{Carried, Diagnosis, Missable, Named, NotExcluded, Verdict};
-use diagnosis::search::map::Cell;
-use sim::coordinate::FREE;
-use sim::protocols::ProtocolOptions;
+use diagnosis::report::words::{fixed, listed, next_tells, parameter_of_effect, signed, sizes, with_unit};
+use diagnosis::report::{Diagnosis, Missable, Named, NotExcluded, Verdict};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -20,6 +19,10 @@ h1{font-size:1.4em}h2{font-size:1.1em;margin-top:2em}table{border-collapse:colla
 td,th{border:1px solid var(--line,#ccc);padding:.2em .5em;text-align:right}th{background:var(--faint,#f4f4f4)}td:first-child,th:first-child{text-align:left}\
 .verdict{border-left:6px solid var(--link,#478);padding:.5em 1em;background:var(--note-bg,#f4f6fa)}.bar{height:1.1em;background:#478;display:inline-block}\
 .note{color:var(--dim,#666);font-size:.9em}.gap{border:0;background:none;padding:.2em}.words td,.words th{text-align:left;vertical-align:top}";
+
+/// The scope of what acts in all data sets, as a diagnosis has it and in words.
+const BOTH: &str = "both";
+const ALL: &str = "all data sets";
 
 /// Pictures on a white ground are turned dark with the page that holds them.
 const DARK: &str = "@media screen and (prefers-color-scheme:dark){svg{filter:invert(.91) hue-rotate(180deg)}}";
@@ -60,11 +63,20 @@ fn body(model: &str, d: &Diagnosis) -> String {
         out += &if more.is_empty() { more } else { format!("<ul>{more}</ul>") };
     }
     let _ = write!(out, "<div class=\"verdict\">{}</div>", escaped(&d.description));
-    contradicting(&mut out, d);
-    left_out(&mut out, d);
+    // what it means and what to do; rows that contradict each other are that where nothing is named, and else stand behind
+    let is_unnamed = d.verdict == Verdict::Unnamed;
+    if is_unnamed {
+        contradicting(&mut out, d);
+    }
     answers(&mut out, d);
-    not_excluded(&mut out, d);
     meanings(&mut out, d);
+    not_excluded(&mut out, d);
+    next(&mut out, d);
+    if !is_unnamed {
+        contradicting(&mut out, d);
+    }
+    // then the numbers
+    left_out(&mut out, d);
     why_unnamed(&mut out, d);
     noise(&mut out, d);
     maps(&mut out, d);
@@ -72,20 +84,28 @@ fn body(model: &str, d: &Diagnosis) -> String {
     curves(&mut out, d);
     ligaments(&mut out, d);
     forces(&mut out, d);
-    next(&mut out, d);
     missed(&mut out, d);
     out += "<h2>What could not be tested</h2><ul>";
+    let catalogue = Catalogue::shipped();
     for n in &d.not_testable {
-        let _ = write!(out, "<li>{}: {}</li>", escaped(&n.effect), escaped(&n.why));
+        let _ = write!(out, "<li>{}: {}</li>", escaped(&titled(&catalogue, &n.effect)), escaped(&n.why));
     }
-    let _ = write!(
-        out,
-        "</ul>{}<p class=\"note\">An effect was named from a log Bayes factor of {:.1} on (what 95 % of simulated data without an effect stay below, and half as much again or more, since the scatter itself is known no better). Fields of no name (forces or misreadings: constant, by flexion, by motion, by load) beside the answer, or beside nothing where nothing is named: log Bayes factor {:.1}. M and L effects belong to the apparatus and are left out of predictions about the joint; T belongs to the specimen; U to the session.</p>",
-        provenance(d),
-        d.threshold,
-        d.wildcard
-    );
+    let _ = write!(out, "</ul>{}{}", provenance(d), bars_of_names(d));
     out
+}
+
+/// What a name takes, what a field of no name earns, and what becomes of an effect that is named.
+fn bars_of_names(d: &Diagnosis) -> String {
+    let beside = match d.verdict {
+        Verdict::None => "with nothing added",
+        Verdict::Unnamed => "beside what comes nearest, or with nothing added where that earns too little",
+        _ => "beside the answer",
+    };
+    format!(
+        "<p class=\"note\">A name takes a log Bayes factor of {:.2} here. 95 % of simulated data without an effect stay below two thirds of that or less: the scatter itself is known no better. A field of no name is a force or a misreading that is constant, or goes with flexion, motion or load. It earns a log Bayes factor of {} {beside}. Effects of the apparatus are left out of predictions about the joint. Those of tissues stay with the specimen, those of muscles with the session.</p>",
+        d.threshold,
+        fixed(d.wildcard, 1)
+    )
 }
 
 /// What the page was made from, for whoever wants the same bytes again.
@@ -108,7 +128,7 @@ fn left_out(out: &mut String, d: &Diagnosis) {
     let Some(of) = &d.left_out else { return };
     let _ = write!(
         out,
-        "<h2>Trials that were left out</h2><p>{} of {}, since the knee lies out of its joint there: {}.</p>",
+        "<h2>Trials that were left out</h2><p>{} of {}: as read, the knee lies out of its joint there, or a frame or an origin is off. They are: {}.</p>",
         of.trials.len(),
         of.of,
         escaped(&of.trials.join(", "))
@@ -120,19 +140,19 @@ fn answers(out: &mut String, d: &Diagnosis) {
         return;
     }
     let catalogue = Catalogue::shipped();
-    *out += "<h2>Which: the answers</h2><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>weight</th><th>log Bayes factor</th><th>held-out gain</th></tr>";
+    *out += "<h2>Which: the answers</h2><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>weight among the answers</th><th>log Bayes factor</th><th>gain on unseen trials [nats]</th></tr>";
     for a in &d.answers {
-        let places: Vec<&str> = a.effects.iter().map(|e| e.scope.as_str()).collect();
+        let places: Vec<&str> = a.effects.iter().map(place).collect();
         let sizes: Vec<String> = a.effects.iter().flat_map(|e| sizes(&catalogue, e, "")).map(|t| escaped(&t)).collect();
         let _ = write!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{:.1}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.2}</td><td>{}</td><td>{}</td></tr>",
             escaped(&names_of(&a.effects)),
             escaped(&places.join(" + ")),
             sizes.join("<br>"),
             a.weight,
-            a.log_bayes_factor,
-            a.held_out_gain
+            fixed(a.log_bayes_factor, 1),
+            fixed(a.held_out_gain, 1)
         );
     }
     *out += "</table>";
@@ -160,7 +180,7 @@ fn finding(of: &[NotExcluded], against: &str) -> String {
     let (is_ahead, is_behind) = (tears().any(|n| n.log_odds > 0.0), tears().any(|n| n.log_odds <= 0.0));
     let mut out = String::new();
     if is_ahead {
-        let _ = write!(out, " A tear above 0: the data prefer it to {against}, but not beyond the bar.");
+        let _ = write!(out, " A tear above 0: the data prefer it to {against}, but by too little to name it.");
     }
     if is_behind {
         let which = if is_ahead { "a tear of 0 or less" } else { "a tear" };
@@ -183,11 +203,11 @@ fn states(of: &[NotExcluded]) -> String {
         };
         let _ = write!(out, "<tr><td>{}</td>", escaped(&name));
         if !are_alike {
-            let places: Vec<&str> = n.effects.iter().map(|e| e.scope.as_str()).collect();
+            let places: Vec<&str> = n.effects.iter().map(place).collect();
             let sizes: Vec<String> = n.effects.iter().flat_map(|e| sizes_of(&catalogue, n, e)).collect();
             let _ = write!(out, "<td>{}</td><td>{}</td>", escaped(&places.join(" + ")), sizes.join("<br>"));
         }
-        let _ = write!(out, "<td>{:+.1}</td></tr>", n.log_odds);
+        let _ = write!(out, "<td>{}</td></tr>", signed(n.log_odds, 1));
     }
     out + "</table>"
 }
@@ -198,6 +218,16 @@ fn sizes_of(catalogue: &Catalogue, state: &NotExcluded, e: &Named) -> Vec<String
         || e.parameters.iter().map(|(k, v)| format!("{} {}", parameter_of_effect(k), with_unit(v.value, &v.unit)));
     let told: Vec<String> = if state.torn.is_some() { held().collect() } else { sizes(catalogue, e, "") };
     told.iter().map(|t| escaped(t)).collect()
+}
+
+/// Where an effect acts.
+fn place(e: &Named) -> &str {
+    if e.scope == BOTH { ALL } else { &e.scope }
+}
+
+/// A name of the catalogue after what it means: "a weakened or torn structure (structure_loss)".
+fn titled(catalogue: &Catalogue, name: &str) -> String {
+    catalogue.find(name).map_or_else(|_| name.to_owned(), |(found, _)| format!("{} ({name})", found.title))
 }
 
 /// Effects by their names and the structures that they are about.
@@ -223,97 +253,12 @@ fn meanings(out: &mut String, d: &Diagnosis) {
         if told.contains(&found.id.as_str()) {
             continue;
         }
-        let cells = [&found.title, &found.words, &found.clinical, &found.bench].map(|t| escaped(t));
+        let name = titled(&catalogue, &e.effect);
+        let cells = [&name, &found.words, &found.clinical, &found.bench].map(|t| escaped(t));
         let _ = write!(out, "<tr><td>{}</td></tr>", cells.join("</td><td>"));
         told.push(&found.id);
     }
     *out += "</table>";
-}
-
-/// The residual maps side by side: a row a condition.
-fn maps(out: &mut String, d: &Diagnosis) {
-    let maps = [
-        ("ligaments recalibrated", &d.map),
-        ("with the answer", &d.map_after),
-        ("each condition from all others", &d.map_left_out),
-    ];
-    let mut rows: BTreeMap<Condition, BTreeMap<(usize, &str), &Cell>> = BTreeMap::new();
-    for (k, (_, cells)) in maps.iter().enumerate() {
-        for c in *cells {
-            let key = (c.source.clone(), c.test.clone(), c.nominal_flexion_deg.round() as i64, c.load_sign);
-            rows.entry(key).or_default().insert((k, &c.dof), c);
-        }
-    }
-    *out += "<h2>Where: measured minus predicted, in standard deviations</h2><p class=\"note\">Nothing is added in the first map and in the third, which predicts each condition by a calibration to all others: gaps that a calibration hides. Bold: larger than any cell in 95 % of simulated data without an effect.</p><table><tr><th></th>";
-    for (title, _) in maps {
-        let _ = write!(out, "<th class=\"gap\"></th><th colspan=\"5\">{title}</th>");
-    }
-    *out += "</tr><tr><th>condition</th>";
-    for _ in maps {
-        *out += "<th class=\"gap\"></th><th>VV</th><th>IE</th><th>ML</th><th>AP</th><th>SI</th>";
-    }
-    *out += "</tr>";
-    for ((source, test, flexion, sign), by) in &rows {
-        let load = if *sign == 0 { " unloaded" } else { "" };
-        let _ = write!(out, "<tr><td>{} {test} {flexion}&deg;{load}</td>", escaped(source));
-        for k in 0..maps.len() {
-            *out += "<td class=\"gap\"></td>";
-            FREE.iter().for_each(|c| cell(out, by.get(&(k, c.name())).copied()));
-        }
-        *out += "</tr>";
-    }
-    *out += "</table>";
-}
-
-/// Data set, test, flexion [deg], sign of the load.
-type Condition = (String, String, i64, i8);
-
-fn cell(out: &mut String, cell: Option<&Cell>) {
-    let Some(c) = cell else {
-        *out += "<td></td>";
-        return;
-    };
-    let depth = (c.z.abs() / 6.0).min(1.0) * 0.75;
-    let hue = if c.z > 0.0 { "200,60,40" } else { "40,90,190" };
-    let weight = if c.significant { "bold" } else { "normal" };
-    let _ = write!(out, "<td style=\"background:rgba({hue},{depth:.2});font-weight:{weight}\">{:+.1}</td>", c.z);
-}
-
-fn bars(out: &mut String, d: &Diagnosis) {
-    let g = &d.gap.held_out;
-    *out += "<h2>Shrink: error on trials that no calibration had seen</h2><p class=\"note\">Mean square over scatter; whole conditions left out in turn.</p><table>";
-    let widest = g.before.max(g.after).max(1e-9);
-    for (name, value) in
-        [("ligaments recalibrated", g.before), ("with the answer", g.after), ("noise and floor", g.floor)]
-    {
-        let _ = write!(
-            out,
-            "<tr><td>{name}</td><td style=\"text-align:left\"><span class=\"bar\" style=\"width:{:.1}em\"></span> {value:.2}</td></tr>",
-            25.0 * value / widest
-        );
-    }
-    *out += "</table><table><tr><th>root mean square</th>";
-    for k in g.rmse_before.keys() {
-        // "VV [deg]" of vv_deg
-        let (coordinate, unit) = k.split_once('_').unwrap_or((k.as_str(), ""));
-        let _ = write!(out, "<th>{} [{unit}]</th>", coordinate.to_uppercase());
-    }
-    for (name, values) in [("before", &g.rmse_before), ("after", &g.rmse_after)] {
-        let _ = write!(out, "</tr><tr><td>{name}</td>");
-        for v in values.values() {
-            let _ = write!(out, "<td>{v:.2}</td>");
-        }
-    }
-    let _ = write!(
-        out,
-        "</tr></table><p>The error falls by {:.2}: {:.0} % of what noise and floor let it fall.",
-        g.before - g.after,
-        100.0 * g.closed
-    );
-    if let Some(c) = &d.gap.control {
-        let _ = write!(out, " As a control, {} closes {:.0} %.", escaped(&c.effect), 100.0 * c.closed);
-    }
-    *out += "</p>";
 }
 
 /// The worst places as curves.
@@ -325,76 +270,21 @@ fn curves(out: &mut String, d: &Diagnosis) {
     }
 }
 
-/// What each ligament carries in each test: before and after.
-fn forces(out: &mut String, d: &Diagnosis) {
-    if d.ligament_forces.is_empty() {
-        return;
-    }
-    let mut tests: Vec<&str> = Vec::new();
-    let mut rows: BTreeMap<&str, BTreeMap<&str, &Carried>> = BTreeMap::new();
-    for c in &d.ligament_forces {
-        if !tests.contains(&c.test.as_str()) {
-            tests.push(&c.test);
-        }
-        rows.entry(&c.ligament).or_default().insert(&c.test, c);
-    }
-    let _ = write!(
-        out,
-        "<h2>What the ligaments carry [N]: recalibrated, with the answer</h2><p class=\"note\">Under {:.0} N of compression, without friction. Effects of the specimen and of the session act here where they are in all data sets; those of an apparatus or of one data set alone do not. Below {:.0} N left out.</p><table><tr><th>ligament</th>",
-        ProtocolOptions::default().compression_n,
-        LEAST_N
-    );
-    for test in &tests {
-        let _ = write!(out, "<th colspan=\"2\">{}</th>", escaped(test));
-    }
-    *out += "</tr>";
-    for (ligament, by) in &rows {
-        let _ = write!(out, "<tr><td>{}</td>", escaped(ligament));
-        for test in &tests {
-            match by.get(test) {
-                Some(c) => {
-                    let _ = write!(out, "<td>{:.0}</td><td>{:.0}</td>", c.without_n, c.with_n);
-                }
-                None => *out += "<td></td><td></td>",
-            }
-        }
-        *out += "</tr>";
-    }
-    *out += "</table>";
-}
-
-fn ligaments(out: &mut String, d: &Diagnosis) {
-    *out += "<h2>What the ligaments had taken up</h2><table><tr><th>parameter</th><th>given</th><th>recalibrated</th><th>with the answer</th><th>sd</th></tr>";
-    for l in &d.ligaments {
-        let _ = write!(
-            out,
-            "<tr><td>{} {}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td></tr>",
-            escaped(&l.bundle),
-            parameter(&l.parameter),
-            l.given,
-            l.without,
-            l.with,
-            l.sd
-        );
-    }
-    *out += "</table>";
-}
-
 fn next(out: &mut String, d: &Diagnosis) {
     if d.next_tests.is_empty() {
         return;
     }
     let _ = write!(out, "<h2>Next: tests that would tell {}</h2>", escaped(&next_tells(d)));
-    *out += "<p class=\"note\">Expected gain: log odds that such a test adds [nats]. Less than 1 tells little.</p><table><tr><th>test</th><th>flexion</th><th>load</th><th>apparatus</th><th>expected gain</th></tr>";
+    *out += "<p class=\"note\">Expected gain: log odds that such a test adds [nats]. Less than 1 tells little.</p><table><tr><th>test</th><th>flexion [deg]</th><th>load [N m; of drawers N]</th><th>apparatus</th><th>expected gain</th></tr>";
     for t in &d.next_tests {
         let _ = write!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{:.1}</td><td>{}</td><td>{:.2}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             t.test,
             t.flexion_deg,
-            t.load,
+            fixed(t.load, 1),
             escaped(&t.source),
-            t.expected_gain
+            fixed(t.expected_gain, 2)
         );
     }
     *out += "</table>";
@@ -419,7 +309,7 @@ fn missed(out: &mut String, d: &Diagnosis) {
     }
     *out += "<h2>What would have been missed</h2><p class=\"note\">Half of such data would have revealed an effect of this size, were it alone; ligaments and contact recalibrated, linear.</p><table class=\"words\"><tr><th>effect</th>";
     for s in &scopes {
-        let _ = write!(out, "<th>{}</th>", escaped(s));
+        let _ = write!(out, "<th>{}</th>", escaped(if *s == BOTH { ALL } else { s }));
     }
     *out += "</tr>";
     for (m, by) in &rows {
@@ -438,7 +328,7 @@ fn missed(out: &mut String, d: &Diagnosis) {
     if !missed.is_empty() {
         let _ = write!(
             out,
-            "<p>A loss without a size here may be missed even where it is whole. These trials would not name a whole tear of the {}: fitted without noise, it earns less than a name takes.</p>",
+            "<p>A loss without a size here may be missed even where it is whole, by this linear reckoning. Whole tears of the ligaments that injuries take most were fitted without noise, too. That of the {} earns less than a name takes: these trials would not name it.</p>",
             escaped(&listed(&missed, "or"))
         );
     }
@@ -456,6 +346,7 @@ pub(crate) fn atlas(model: &str, found: &Atlas) -> String {
 mod tests {
     use super::*;
     use diagnosis::report::Value;
+    use serde_json::json;
 
     fn lost(structure: &str, sd: f64) -> Named {
         let parameters = [("loss".to_owned(), Value { value: 1.0, sd, unit: "-".into() })].into();
@@ -464,6 +355,63 @@ mod tests {
 
     fn torn(structure: &str, log_odds: f64) -> NotExcluded {
         NotExcluded { effects: vec![lost(structure, 0.0)], torn: Some(structure.into()), log_odds }
+    }
+
+    /// A diagnosis whose numbers all round to nothing from below; what it has with the answer differs from what it has without in name alone.
+    fn with_verdict(verdict: &str) -> Diagnosis {
+        let tiny = -0.0004;
+        let is_named = !["none", "unnamed"].contains(&verdict);
+        let answer = json!({"effects": [], "weight": 1.0, "log_bayes_factor": tiny, "held_out_gain": tiny});
+        let cell = json!([{
+            "source": "kla", "test": "anterior", "nominal_flexion_deg": 30.0, "load_sign": 1, "dof": "ap", "z": tiny, "mean": tiny,
+            "significant": true
+        }]);
+        let rmse = json!({"ap_mm": 0.4});
+        let gap = json!({
+            "before": 1.004, "after": 1.0, "floor": 1.0, "closed": tiny, "rmse_before": rmse, "rmse_after": rmse
+        });
+        let carried = json!({"ligament": "ACL", "test": "drawer", "without_n": 9.0, "with_n": 9.0});
+        let list = |of: serde_json::Value| if is_named { vec![of] } else { vec![] };
+        let told = json!({
+            "schema": "diagnosis/1", "verdict": verdict, "answers": list(answer), "plain": "What it means.", "description": "Words.", "added": [],
+            "gap": {"held_out": gap, "control": {"effect": "gravity", "closed": tiny}}, "map": cell, "map_after": cell, "map_left_out": cell,
+            "not_testable": [],
+            "next_tests": [{
+                "test": "neutral", "flexion_deg": 30.0, "load": tiny, "source": "kla", "expected_gain": tiny
+            }],
+            "ligaments": [{
+                "bundle": "ACL_AM", "parameter": "reference_strain", "given": 1.0, "without": 1.0, "with": 1.0, "sd": 0.01
+            }],
+            "ligament_forces": list(carried), "threshold": 4.95, "wildcard": tiny, "misfit": [1.0, 1.0], "best": [],
+            "not_excluded": [{"effects": [], "torn": "PCL", "log_odds": tiny}, {"effects": [], "log_odds": 0.0}]
+        });
+        serde_json::from_value(told).unwrap()
+    }
+
+    #[test]
+    fn a_page_shows_what_an_answer_changes_only_where_there_is_an_answer() {
+        for (verdict, is_named) in
+            [("none", false), ("unnamed", false), ("one_of", true), ("probable", true), ("decisive", true)]
+        {
+            let page = body("knee", &with_verdict(verdict));
+            for words in ["ith the answer", "Shrink", "The error falls", "As a control", "had taken up", "the third"] {
+                assert_eq!(page.contains(words), is_named, "{verdict}: {words} in {page}");
+            }
+            // a map has five coordinates, and each row as many cells as there are maps
+            let maps = if is_named { 3 } else { 2 };
+            assert_eq!(page.matches("colspan=\"5\"").count(), maps, "{page}");
+            assert_eq!(page.matches("<th>AP</th>").count(), maps, "{page}");
+            assert_eq!(page.matches("font-weight:bold").count(), maps, "{page}");
+        }
+    }
+
+    #[test]
+    fn nothing_on_a_page_reads_minus_nought() {
+        for verdict in ["none", "unnamed", "decisive"] {
+            let page = body("knee", &with_verdict(verdict));
+            assert!(page.contains(">0.0<") && page.contains(">0.00<"), "{page}");
+            assert!(["-0.0", "-0<", "-0 ", "+0.0<"].iter().all(|odd| !page.contains(odd)), "{page}");
+        }
     }
 
     #[test]
@@ -484,11 +432,11 @@ mod tests {
         let nothing = NotExcluded { effects: vec![], torn: None, log_odds: 0.0 };
         let tears = states(&[torn("PCL", 4.3), nothing.clone()]);
         assert!(!tears.contains("<th>where</th>") && tears.contains("<td>PCL torn</td><td>+4.3</td>"), "{tears}");
-        assert!(tears.contains("<td>nothing</td><td>+0.0</td>"), "{tears}");
+        assert!(tears.contains("<td>nothing</td><td>0.0</td>"), "{tears}");
         let part = NotExcluded { effects: vec![lost("ACL", 0.2)], torn: None, log_odds: 0.0 };
         let mixed = states(&[part, torn("PCL", -0.3), nothing]);
-        assert!(mixed.contains("<td>PCL torn</td><td>both</td><td>loss 1.00</td><td>-0.3</td>"), "{mixed}");
-        assert!(mixed.contains("<td>structure_loss (ACL)</td><td>both</td><td>loss 1.00 ("), "{mixed}");
+        assert!(mixed.contains("<td>PCL torn</td><td>all data sets</td><td>loss 1.00</td><td>-0.3</td>"), "{mixed}");
+        assert!(mixed.contains("<td>structure_loss (ACL)</td><td>all data sets</td><td>loss 1.00 ("), "{mixed}");
         assert!(mixed.contains("<td>nothing</td><td></td><td></td>"), "{mixed}");
     }
 

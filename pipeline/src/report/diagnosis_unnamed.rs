@@ -3,7 +3,7 @@
 use super::html::escaped;
 use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::report::plain_unnamed::{did_not_converge, load, row};
-use diagnosis::report::words::sizes;
+use diagnosis::report::words::{fixed, signed, sizes};
 use diagnosis::report::{Against, Diagnosis, Left, Named, Tried};
 use diagnosis::search::contradiction::Witness;
 use std::fmt::Write;
@@ -19,15 +19,15 @@ pub(super) fn contradicting(out: &mut String, d: &Diagnosis) {
         let [one, other] = &c.readings;
         let _ = write!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{:.1}</td><td>{}</td><td>{:.1}</td><td>{:.1} (sd {:.1})</td><td>{:.1}</td><td>{:.1}</td><td>{}</td><td>{}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{} (sd {:.1})</td><td>{}</td><td>{:.1}</td><td>{}</td><td>{}</td></tr>",
             c.dof.to_uppercase(),
             place(one),
-            one.value,
+            fixed(one.value, 1),
             place(other),
-            other.value,
-            c.expected,
+            fixed(other.value, 1),
+            fixed(c.expected, 1),
             c.sd,
-            other.value - c.expected,
+            fixed(other.value - c.expected, 1),
             c.deviations(),
             c.noise.map_or(String::new(), |[a, b]| format!("{a:.2}; {b:.2}")),
             c.contradicts.map_or(String::new(), |[a, b]| format!("{a}; {b}"))
@@ -55,7 +55,8 @@ pub(super) fn why_unnamed(out: &mut String, d: &Diagnosis) {
         }
         *out += "</table>";
         if let Some(odds) = why.two_knees {
-            let _ = write!(out, "<p>Log odds for a knee of its own in each data set, against one knee: {odds:.0}.</p>");
+            let odds = fixed(odds, 0);
+            let _ = write!(out, "<p>Log odds for a knee of its own in each data set, against one knee: {odds}.</p>");
         }
     }
     each_effect(out, why, d.misfit[0]);
@@ -72,12 +73,12 @@ fn left(out: &mut String, of: &[Left]) {
         let w = &l.reading;
         let _ = write!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{:.1}</td><td>{:.1}</td><td>{:+.1}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             l.dof.to_uppercase(),
             escaped(&format!("{}, {}: {}, {:.1} deg", row(w), w.trial, load(w), w.flexion_deg)),
-            w.value,
-            l.expected,
-            l.z
+            fixed(w.value, 1),
+            fixed(l.expected, 1),
+            signed(l.z, 1)
         );
     }
     *out += "</table>";
@@ -117,13 +118,13 @@ fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained, nothing: 
         let unseen = t.closes_held_out.map_or(String::new(), on_other_trials);
         let _ = write!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.0} %</td><td>{unseen}</td><td>{}</td><td>{:.1}</td><td>{}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{} %</td><td>{unseen}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             all(&name, " + "),
             all(&|e| escaped(&e.scope), " + "),
             all(&size, "<br>"),
-            100.0 * t.closes,
+            fixed(100.0 * t.closes, 0),
             t.leaves.map_or(String::new(), |x| format!("{x:.1}")),
-            t.log_bayes_factor,
+            fixed(t.log_bayes_factor, 1),
             against(t, nothing)
         );
     }

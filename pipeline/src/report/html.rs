@@ -1,5 +1,6 @@
 //! What every page of the program is made of: text for HTML, head and foot, tables of values.
 
+use super::number::fixed;
 use plotly::Plot;
 use serde_json::Value;
 
@@ -53,7 +54,7 @@ pub(super) fn flatten(prefix: &str, value: &Value, rows: &mut Vec<(String, Strin
         Value::Array(items) => rows.push((prefix.into(), format!("{} values", items.len()))),
         Value::Number(n) => {
             let x = n.as_f64().unwrap_or(f64::NAN);
-            rows.push((prefix.into(), if x.fract() == 0.0 { format!("{x}") } else { format!("{x:.4}") }));
+            rows.push((prefix.into(), if x.fract() == 0.0 { format!("{}", x + 0.0) } else { fixed(x, 4) }));
         }
         other => rows.push((prefix.into(), other.to_string().trim_matches('"').to_string())),
     }

@@ -1,13 +1,6 @@
 //! Numbers in words.
 
-/// A number with so many decimals, never "-0".
-pub(crate) fn fixed(x: f64, decimals: usize) -> String {
-    let text = format!("{x:.decimals$}");
-    match text.strip_prefix('-') {
-        Some(size) if size.chars().all(|c| c == '0' || c == '.') => size.to_owned(),
-        _ => text,
-    }
-}
+pub(crate) use diagnosis::report::words::fixed;
 
 /// A value with its interval, all with so many decimals; where they all read 0 it is "0".
 pub(crate) fn with_interval(mean: f64, lower: f64, upper: f64, decimals: usize) -> String {

@@ -35,16 +35,32 @@ pub(super) fn to_repeat(of: &[Contradiction]) -> String {
 
 /// The contradictions as sentences; nothing where there is none.
 pub(crate) fn contradictions(of: &[Contradiction]) -> String {
+    told(of, "Look at these rows first")
+}
+
+/// The same beside an answer, which comes first; then what to do.
+pub(crate) fn contradictions_beside(of: &[Contradiction]) -> String {
+    if of.is_empty() {
+        return String::new();
+    }
+    let rows = told(of, "These rows do not go together, even with the answer");
+    format!(
+        "{rows}\nRepeat the trials of these rows: one may be misread, or the knee may rest in two places under one load."
+    )
+}
+
+/// The contradictions, `first` before the clearest.
+fn told(of: &[Contradiction], first: &str) -> String {
     let mut out = String::new();
     for (k, c) in of.iter().take(IN_HEAD).enumerate() {
         let [one, other] = &c.readings;
         let unit = Coordinate::named(&c.dof).map_or("", Coordinate::unit);
         let place = |w: &Witness| format!("{} ({}, {:.0} deg)", row(w), load(w), w.flexion_deg);
-        let lead = if k == 0 { "\nLook at these rows first: " } else { "\nThen at these: " };
+        let lead = if k == 0 { first } else { "Then these" };
         let _ = write!(
             out,
-            "{lead}{} reads {} of {}, {} reads {}. A knee of the model that gives the first gives {} (sd {}) in the second, whatever its ligaments. \
-             It is {} off: {:.1} sd.",
+            "\n{lead}: {} reads {} of {}, {} reads {}. A knee of the model that reads the first would read {} (sd {}) in the second, \
+             whatever its ligaments. The second is {} off: {:.1} sd.",
             place(one),
             with_unit(one.value, unit),
             c.dof.to_uppercase(),
@@ -96,7 +112,7 @@ mod tests {
         ] {
             assert!(told.contains(part), "{told}");
         }
-        assert_eq!(contradictions(&[]), "");
+        assert_eq!([contradictions(&[]), contradictions_beside(&[])], ["", ""]);
     }
 
     fn contradiction(readings: [Witness; 2]) -> Contradiction {
@@ -116,6 +132,10 @@ mod tests {
             both.contains("row 2 of kla") && both.contains("row 12 of rks") && both.contains("apparatuses"),
             "{both}"
         );
+        // beside an answer they come second, and what to do last
+        let beside = contradictions_beside(&all);
+        assert!(beside.starts_with("\nThese rows do not go together, even with the answer: row 2 of kla"), "{beside}");
+        assert!(!beside.contains("first:") && beside.contains("\nRepeat the trials of these rows: "), "{beside}");
         let one_set = contradiction([witness("rks", Some(3), 178.0, 4.8), witness("rks", Some(4), 178.0, 14.4)]);
         assert!(!to_repeat(&[one_set]).contains("apparatuses"));
         // that which contradicts most others is to be repeated, whichever of the two it is
