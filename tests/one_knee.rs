@@ -110,6 +110,38 @@ const SAME_MM: f64 = 0.01;
 /// See [`SAME_N`].
 const SAME_SHARE: f64 = 0.005;
 
+/// A bundle that bears less is slack, and is not compared [N].
+const TAUT_N: f64 = 5.0;
+/// Share of the forces after a cycle that lie inside the intervals of the first loading, at least [-]: that of the intervals.
+const LOOP_INSIDE: f64 = 0.9;
+
+#[test]
+fn what_friction_keeps_of_a_loading_lies_inside_the_intervals() {
+    let (knee, out) = (specimen(), TempDir::new().unwrap());
+    let results = out.path().join("ap.csv");
+    said(&["simulate"], knee, &["--protocol", "ap-laxity", "--out", results.to_str().unwrap()]);
+    let found = columns(&text(&results));
+    let bundles: Vec<&str> =
+        found.keys().filter(|c| c.starts_with("force_")).filter_map(|c| c.strip_suffix("_n_lower")).collect();
+    let place = |step: String| found["step"].iter().position(|s| *s == step).unwrap();
+    let (mut inside, mut all, mut moved) = (0, 0, 0.0_f64);
+    for fe_deg in [30, 60, 90] {
+        let (first, again) =
+            (place(format!("{fe_deg} deg load +133.0 N")), place(format!("{fe_deg} deg forwards +133.0 N")));
+        for bundle in &bundles {
+            let of = |end: &str, row: usize| number(&found[&format!("{bundle}_n{end}")][row]);
+            let (before, after) = (of("", first), of("", again));
+            if before.max(after) > TAUT_N {
+                all += 1;
+                inside += usize::from((of("_lower", first)..=of("_upper", first)).contains(&after));
+                moved = moved.max((after - before).abs());
+            }
+        }
+    }
+    assert!(moved > 1.0, "friction keeps something: {moved} N");
+    assert!(inside as f64 >= LOOP_INSIDE * f64::from(all), "{inside} of {all}");
+}
+
 #[test]
 fn drawers_have_the_intervals_that_the_calibration_tells() {
     let (knee, out) = (specimen(), TempDir::new().unwrap());

@@ -291,8 +291,31 @@ fn prior_unused(question: &Question) -> Option<Notice> {
 /// What is told where few of the samples asked for ended near a fit.
 fn few_samples(found: &Found<Answers>, asked: usize) -> Option<Notice> {
     let got = found.samples.len();
-    let text = format!("{got} of {asked} samples of the posterior ended near a fit; intervals are rough");
+    // an interval needs two
+    let worth = if got < 2 { "there are no intervals" } else { "intervals are rough" };
+    let text = format!("{got} of {asked} samples of the posterior ended near a fit; {worth}");
     (found.stuck * 2 > asked).then(|| Kind::FewSamples.notice(text).count(got))
+}
+
+/// What is told of noise that is far smaller than what readings miss by: most of them count as outliers, so it stays near what was stated.
+fn noise_too_small(
+    question: &Question,
+    noise: &[NoiseEstimate],
+    (predicted, elsewhere): (&[Option<Free<f64>>], &[usize]),
+) -> Vec<Notice> {
+    let (mut out, mut from) = (Vec::new(), 0);
+    for (name, targets) in question.sources {
+        let to = from + targets.trials.len();
+        let far: Vec<usize> = elsewhere.iter().filter(|i| (from..to).contains(*i)).map(|i| i - from).collect();
+        let misses = rms(&targets.trials, &predicted[from..to], &far);
+        let own = noise.iter().filter(|n| n.source == *name);
+        out.extend(own.filter_map(|n| {
+            let miss = misses.each().find(|(c, _)| c.column() == n.coordinate)?.1;
+            n.outlying((*miss)?)
+        }));
+        from = to;
+    }
+    out
 }
 
 /// What was found, in the words of a calibration.
@@ -338,6 +361,7 @@ fn told(
     warnings.extend(prior_unused(question));
     let noise = noise(question, likelihood);
     warnings.extend(noise.iter().filter_map(|n| n.not_as_stated(interval)));
+    warnings.extend(noise_too_small(question, &noise, (&predicted, &elsewhere)));
     let others: Vec<OtherEstimate> = (n_ligaments..values.len()).filter(is_told).map(estimate).collect();
     warnings.extend(others.iter().filter_map(OtherEstimate::outside_prior));
     let frames = frames(question, trials, samples);
@@ -450,8 +474,7 @@ fn rest(found: &Found<Answers>, (last, leaves): ByTrial, measured: usize, interv
         let all: Vec<f64> = staying.here.iter().map(|&s| total(&found.samples[s].state, from + k)).collect();
         let mode_n = total(&found.modes[0].state, from + k);
         let value_n = if all.is_empty() { mode_n } else { mean(&all) };
-        let (lower, upper) = ends(&all, interval).unwrap_or((value_n, value_n));
-        let interval_n = (!all.is_empty() || staying.leaving == 0).then_some([lower, upper]);
+        let interval_n = ends(&all, interval).map(|(lower, upper)| [lower, upper]);
         RestEstimate { fe_deg: *fe_deg, value_n, interval_n, mode_n, leaving: staying.leaving }
     };
     REST_DEG.iter().enumerate().map(of).collect()

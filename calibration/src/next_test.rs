@@ -92,6 +92,10 @@ pub fn next_tests(
         .map(|(i, b, here)| (here, here.iter().map(|s| found.samples[*s].state[i].forces_n[b]).collect()))
         .collect();
     let now = mean(&forces.iter().map(|(_, f)| variance(f).sqrt()).collect::<Vec<_>>());
+    // what does not scatter cannot be narrowed
+    if now <= 0.0 {
+        return vec![];
+    }
     let rows = of.rows();
     let mut out = Vec::new();
     for (r, (test, flexion_deg, load)) in told.into_iter().enumerate() {

@@ -171,6 +171,10 @@ impl CalibrateOptions {
         least("inference.finalists", self.inference.finalists, 1)?;
         least("inference.evaluations", self.inference.evaluations, 2)?;
         least("inference.sample_evaluations", self.inference.sample_evaluations, 1)?;
+        if self.method == Method::Posterior && self.inference.samples == 1 {
+            let what = "inference.samples is 1, expected 2 or more, or 0 for none: one sample makes no interval";
+            return Err(CalibrationError::Option(what.into()));
+        }
         self.refuse_unheard()?;
         let between = |name: &str, value: f64, low: f64, high: f64| match value > low && value < high {
             true => Ok(()),
@@ -225,6 +229,18 @@ impl Default for FrameOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_sample_is_refused_as_it_makes_no_interval() {
+        let with = |samples: usize| {
+            let mut options = CalibrateOptions::default();
+            options.inference.samples = samples;
+            options.check()
+        };
+        assert!([0, 2, 48].into_iter().all(|samples| with(samples).is_ok()));
+        let told = with(1).unwrap_err().to_string();
+        assert!(told.contains("inference.samples is 1") && told.contains("0 for none"), "{told}");
+    }
 
     #[test]
     fn an_option_that_the_method_does_not_hear_is_refused() {

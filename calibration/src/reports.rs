@@ -3,6 +3,7 @@
 use crate::calibrate::Calibrated;
 use crate::cost::residual;
 use crate::options::Method;
+use crate::posterior::share::LEAST;
 use crate::posterior::{ForceEstimate, error_of_ends, is_outside, mean};
 use crate::session::Outcome;
 use serde::{Deserialize, Serialize};
@@ -72,7 +73,10 @@ fn noise(found: &Calibrated) -> String {
     let mut out = "source,coordinate,stated,inferred,lower,upper\n".to_owned();
     for n in &found.noise {
         let (source, coordinate) = (&n.source, &n.coordinate);
-        let _ = writeln!(out, "{source},{coordinate},{:.4},{:.4},{:.4},{:.4}", n.stated, n.inferred, n.lower, n.upper);
+        // what four digits would round to nothing keeps its own
+        let cell = |x: f64| if x < 1e-3 { format!("{x:.4e}") } else { format!("{x:.4}") };
+        let [stated, inferred, lower, upper] = [n.stated, n.inferred, n.lower, n.upper].map(cell);
+        let _ = writeln!(out, "{source},{coordinate},{stated},{inferred},{lower},{upper}");
     }
     out
 }
@@ -279,6 +283,21 @@ pub fn shares_of_forces(found: &Calibrated) -> [f64; 2] {
     [share(|f| f.determined), share(|f| f.believed)]
 }
 
+/// The same in words: empty where there is nothing to compare.
+pub fn share_words(found: &Calibrated) -> String {
+    let samples = found.samples.len();
+    if found.forces.iter().all(|f| f.unmeasured.is_none()) {
+        return String::new();
+    }
+    if samples < LEAST {
+        return format!("{samples} samples do not tell what data and beliefs removed, {LEAST} do");
+    }
+    let [by_data, by_belief] = shares_of_forces(found);
+    format!(
+        "the measurements removed {by_data:.0} % of the variance that the forces had without them, after beliefs about forces had removed {by_belief:.0} %"
+    )
+}
+
 /// What was found, for the terminal.
 pub fn words(outcome: &Outcome) -> String {
     let found = &outcome.found;
@@ -314,12 +333,9 @@ pub fn words(outcome: &Outcome) -> String {
 /// What data and beliefs did to the forces in the drawers, how sure an interval is, and which test would narrow them most.
 fn words_of_forces(found: &Calibrated) -> String {
     let mut text = String::new();
-    if found.forces.iter().any(|f| f.unmeasured.is_some()) {
-        let [by_data, by_belief] = shares_of_forces(found);
-        let _ = writeln!(
-            text,
-            "  forces in drawers: {by_data:.0} % of their variance removed by the data, after {by_belief:.0} % by beliefs (forces.csv)"
-        );
+    let shares = share_words(found);
+    if !shares.is_empty() {
+        let _ = writeln!(text, "  forces in drawers: {shares} (forces.csv)");
     }
     let error = error_words(found);
     if !error.is_empty() {

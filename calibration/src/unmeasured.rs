@@ -139,7 +139,6 @@ impl Unmeasured {
                 let (before, alone) = (of(&self.drawn), of(&self.alone));
                 let by_data = Removed::of(Spread::of(&as_asked), Spread::of(&before.scattered));
                 let by_beliefs = Removed::of(Spread::of(&before.scattered), Spread::of(&alone.scattered));
-                let has_none = staying.leaving > 0 && after.mean.is_none();
                 let value = after.mean.unwrap_or(chosen[bundle]);
                 out.push(ForceEstimate {
                     trial: name.clone(),
@@ -147,7 +146,7 @@ impl Unmeasured {
                     value_n: Some(value),
                     mean_n: after.mean,
                     mode_n: Some(chosen[bundle]),
-                    interval_n: (!has_none).then(|| after.interval.unwrap_or([value; 2])),
+                    interval_n: after.interval,
                     leaving: staying.leaving,
                     determined: by_data.map_or(0.0, Removed::told),
                     removed: by_data.map(|r| r.share),

@@ -174,7 +174,8 @@ pub(crate) fn typed(
     let mut table = Table::try_from(BuildOptions::default()).map_err(|e| wrong(e.to_string()))?;
     if let Some(seed) = seed {
         for stage in table.iter_mut().filter_map(|(_, v)| v.as_table_mut()).filter(|t| t.contains_key("seed")) {
-            stage.insert("seed".into(), Value::Integer(seed as i64));
+            let told = || wrong(format!("--seed is {seed}, expected at most {}", i64::MAX));
+            stage.insert("seed".into(), Value::Integer(i64::try_from(seed).map_err(|_| told())?));
         }
     }
     let from_file = specimen

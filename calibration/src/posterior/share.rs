@@ -7,6 +7,8 @@
 
 use crate::posterior::{mean, variance};
 
+/// Fewer samples tell no share [-]: by 12 chance passes [`BEYOND_CHANCE`] once in ten, by two every other time. They tell no correlation either.
+pub(crate) const LEAST: usize = 12;
 /// Standard errors above which a share is more than chance [-]; ours: a normal number is greater once in twenty.
 const BEYOND_CHANCE: f64 = 1.645;
 
@@ -18,12 +20,12 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    /// Of values, by how their own squares scatter; `None` of fewer than two.
+    /// Of values, by how their own squares scatter; `None` of fewer than [`LEAST`].
     pub(crate) fn of(values: &[f64]) -> Option<Spread> {
         let middle = mean(values);
         let squares: Vec<f64> = values.iter().map(|v| (v - middle).powi(2)).collect();
         let error = (variance(&squares) / values.len().max(1) as f64).sqrt();
-        (values.len() > 1).then(|| Spread { variance: variance(values), error })
+        (values.len() >= LEAST).then(|| Spread { variance: variance(values), error })
     }
 
     /// Of so many normal samples, of which the variance alone is known.
@@ -121,9 +123,24 @@ mod tests {
     }
 
     #[test]
-    fn one_sample_or_no_variance_before_tells_nothing_and_one_odd_sample_is_chance() {
-        assert!(Removed::of(Spread::of(&[1.0]), Some(Spread::of_normal(1.0, 48))).is_none());
-        assert!(Removed::of(Spread::of(&[1.0, 2.0]), Spread::of(&[3.0; 8])).is_none());
+    fn too_few_samples_tell_no_share() {
+        for kind in &KINDS {
+            let of = |set: u64, samples: usize| Spread::of(&drawn(*kind, 1.0, set)[..samples]);
+            assert!((1..LEAST).all(|few| Removed::of(of(0, few), of(1, SAMPLES)).is_none()));
+            assert!((1..LEAST).all(|few| Removed::of(of(0, SAMPLES), of(1, few)).is_none()));
+            let is_told = |pair: &u64| {
+                let (after, before) = (of(2 * pair, LEAST), of(2 * pair + 1, LEAST));
+                Removed::of(after, before).is_some_and(|r| r.told() > 0.0)
+            };
+            // of data that say nothing: once in nine at most of many pairs, and what so few pairs leave open
+            let told = (0..PAIRS).filter(is_told).count();
+            assert!((told as f64) < 0.16 * PAIRS as f64, "{told} of {PAIRS}");
+        }
+    }
+
+    #[test]
+    fn no_variance_before_tells_nothing_and_one_odd_sample_is_chance() {
+        assert!(Removed::of(Spread::of(&drawn(|z| z, 1.0, 5)), Spread::of(&[3.0; SAMPLES])).is_none());
         // a bundle that is slack in all samples now and was taut in one before
         let (slack, mut one) = (vec![0.0; SAMPLES], vec![0.0; SAMPLES]);
         one[5] = 8.0;

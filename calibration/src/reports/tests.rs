@@ -65,10 +65,15 @@ fn a_share_of_zero_that_is_a_variance_grown_is_told_apart_in_its_own_column() {
 fn words_tell_the_shares_of_data_and_of_beliefs_and_how_far_an_end_errs() {
     let all = || vec![force(0, 0.6, Some(0.6), 0.7), force(1, 0.0, Some(-0.7), 0.1)];
     let text = words_of_forces(&calibrated(Method::Posterior, all(), 48));
-    assert!(text.contains("30 % of their variance removed by the data, after 40 % by beliefs"), "{text}");
+    assert!(
+        text.contains("measurements removed 30 % of") && text.contains("beliefs about forces had removed 40 %"),
+        "{text}"
+    );
     assert!(text.contains("errs by 19 % of half of it, by 48 samples"), "{text}");
-    let fewer = words_of_forces(&calibrated(Method::Posterior, all(), 12));
+    let fewer = words_of_forces(&calibrated(Method::Posterior, all(), LEAST));
     assert!(fewer.contains("errs by 37 %"), "fewer samples err by more: {fewer}");
+    let few = words_of_forces(&calibrated(Method::Posterior, all(), LEAST - 1));
+    assert!(few.contains("11 samples do not tell") && !few.contains("removed 30 %"), "{few}");
     // a recipe has no samples with nothing measured
     let recipe = all().into_iter().map(|f| ForceEstimate { unmeasured: None, ..f }).collect();
     assert_eq!(words_of_forces(&calibrated(Method::SwarmSimplex, recipe, 48)), "");

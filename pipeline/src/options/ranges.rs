@@ -5,7 +5,7 @@ use super::held::{ABOVE_0, BELOW_1, HELD};
 use toml::{Table, Value};
 
 /// Ranges that no stage's own check holds: a key, least and most. A key of a list is that of each of its numbers.
-pub(super) const RANGES: [(&str, f64, f64); 57] = [
+pub(super) const RANGES: [(&str, f64, f64); 59] = [
     ("segment.neck_share", ABOVE_0, 1.0),
     ("segment.threshold", -3e4, 1e6),
     ("ingest.least_width_mm", 1.0, 1e3),
@@ -52,6 +52,9 @@ pub(super) const RANGES: [(&str, f64, f64); 57] = [
     // a misfit is divided by its noise
     ("calibrate.targets.noise", ABOVE_0, MOST),
     ("calibrate.targets.noise_of_displacements", ABOVE_0, MOST),
+    // the random numbers of starts and of samples stand in streams of their own, so far apart
+    ("calibrate.inference.starts", 0.0, 999.0),
+    ("calibrate.inference.samples", 0.0, 1e4),
     ("calibrate.search.contact_spacing_mm", 0.1, 20.0),
     ("validate.ap_flexions_deg", -30.0, 160.0),
     ("validate.from_flexion_deg", -30.0, 160.0),

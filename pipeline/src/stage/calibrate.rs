@@ -127,8 +127,12 @@ impl Stage for Calibrate {
 
     fn charts(v: &Values) -> Vec<Chart> {
         let mut all = v.of::<Calibration>().map_or(vec![], charts::charts);
-        let of =
-            |name: &str| v.of::<Calibration>()?.all().find(|(n, _)| *n == name).map(|(_, o)| o.found.samples.len());
+        let of = |name: &str| {
+            v.of::<Calibration>()?
+                .all()
+                .find(|(n, _)| *n == name)
+                .map(|(_, o)| (o.found.samples.len(), o.found.unknowns.interval))
+        };
         all.extend(forces::charts(v.folder, &|name| of(name).unwrap_or_default()));
         all
     }

@@ -83,8 +83,9 @@ fn parameters(name: &str, outcome: &Outcome, kind: &str) -> Chart {
         id: format!("parameters-{name}-{}", kind.replace(' ', "-")),
         title: format!("{name}: {kind}"),
         text: format!(
-            "Most probable values of {} parameters with their 90 % intervals, by {} samples of the posterior, inside the range they were sought in (grey); the data determine {determined} of them by more than half.",
+            "Most probable values of {} parameters with their {:.0} % intervals, by {} samples of the posterior, inside the range they were sought in (grey); the data determine {determined} of them by more than half.",
             all.len(),
+            100.0 * outcome.found.unknowns.interval,
             outcome.found.samples.len()
         ),
         plot: plot.to_json(),

@@ -8,7 +8,7 @@ use crate::store::BuildFolder;
 use crate::which_model::JOINT;
 use calibration::calibrate::Calibrated;
 use calibration::posterior::FORCE_DETERMINED_N;
-use calibration::reports::{error_words, shares_of_forces};
+use calibration::reports::{error_words, share_words};
 use calibration::session::ap_probes;
 use plotly::common::{ErrorData, ErrorType, Marker, Mode};
 use plotly::layout::Axis;
@@ -25,6 +25,7 @@ const MOST_ANTAGONIST_N: f64 = 20.0;
 /// Tension at rest, cruciates against each other, forces that laxity leaves open.
 pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assembled>) -> Vec<Check> {
     let mut out = Vec::new();
+    let share = found.unknowns.interval;
     if let Some(most) = found.rest.iter().max_by(|a, b| a.value_n.total_cmp(&b.value_n)) {
         out.push(Check {
             question: "How tense are the ligaments without load?",
@@ -32,7 +33,7 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
                 "at most {:.0} N in all, at {:.0} deg ({} by {} samples; limit {MOST_REST_N:.0} N)",
                 most.value_n,
                 most.fe_deg,
-                interval(most.interval_n),
+                interval(most.interval_n, share),
                 found.samples.len()
             ),
             good: Some(check::at_most(most.value_n, MOST_REST_N, 0)),
@@ -56,7 +57,7 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
                 "at most {most:.0} N, in {} under the {} ({}; limit {MOST_ANTAGONIST_N:.0} N)",
                 bundle.replace('_', " "),
                 probes.iter().find(|p| p.trial == f.trial).map_or(f.trial.clone(), drawer),
-                interval(f.interval_n)
+                interval(f.interval_n, share)
             ),
             good: Some(check::at_most(most, MOST_ANTAGONIST_N, 0)),
             reaches: reaches(f.interval_n, MOST_ANTAGONIST_N),
@@ -64,17 +65,24 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
             stage: Calibrate::NAME,
         });
     }
-    let open = forces.clone().filter(|(f, ..)| f.most_n() > FORCE_DETERMINED_N && !f.is_determined()).count();
-    let [by_data, by_belief] = shares_of_forces(found);
+    // an interval counts from the value that stands beside it
+    let reaches_far = |(value, ends): (f64, [f64; 2])| ends.iter().any(|e| (e - value).abs() > FORCE_DETERMINED_N);
+    let open = forces.clone().filter_map(|(f, ..)| f.value_n.zip(f.interval_n)).filter(|f| reaches_far(*f)).count();
+    let before = forces.clone().filter_map(|(f, ..)| f.unmeasured).map(|[value, lower, upper]| (value, [lower, upper]));
+    let unmeasured = match before.clone().count() {
+        0 => String::new(),
+        count => format!("; with nothing measured {} of {count} do", before.filter(|f| reaches_far(*f)).count()),
+    };
     let all = forces.count();
     if all > 0 {
-        let error = error_words(found);
-        let error = if error.is_empty() { error } else { format!("; {error}") };
+        let told = [share_words(found), error_words(found)].into_iter().filter(|words| !words.is_empty());
+        let told: String = told.map(|words| format!("; {words}")).collect();
         let next = found.next_tests.first().map_or(String::new(), |t| format!("; {}", t.words()));
         out.push(Check {
             question: "Which ligament forces does laxity leave open?",
             answer: format!(
-                "{open} of {all} bundle forces under drawers have a 90 % interval that reaches more than {FORCE_DETERMINED_N:.0} N from the value; the measurements removed {by_data:.0} % of the variance that the forces had without them, after beliefs about forces had removed {by_belief:.0} %{error}{next}"
+                "{open} of {all} bundle forces under drawers have a {} that reaches more than {FORCE_DETERMINED_N:.0} N from the value{unmeasured}{told}{next}",
+                named(share)
             ),
             good: None,
             reaches: None,
@@ -90,11 +98,17 @@ fn drawer(probe: &LaxityTrial) -> String {
     format!("{} drawer at {:.0} deg", probe.test.name(), probe.fe_deg)
 }
 
-/// An interval in words.
-fn interval(interval_n: Option<[f64; 2]>) -> String {
-    interval_n.map_or("no interval: most samples leave the plateau".to_owned(), |[lower, upper]| {
-        format!("90 % interval {lower:.0} to {upper:.0} N")
+/// An interval that holds this share of the samples, in words.
+fn interval(interval_n: Option<[f64; 2]>, share: f64) -> String {
+    interval_n.map_or("no interval: most samples leave the plateau, or fewer than two count".to_owned(), |ends| {
+        let [lower, upper] = ends;
+        format!("{} {lower:.0} to {upper:.0} N", named(share))
     })
+}
+
+/// An interval that holds this share of the samples.
+fn named(share: f64) -> String {
+    format!("{:.0} % interval", 100.0 * share)
 }
 
 /// The upper end of an interval where it is beyond the limit.
@@ -111,8 +125,8 @@ struct Force {
     upper: f64,
 }
 
-/// A chart a source: the interval of every bundle's force in each trial.
-pub(super) fn charts(folder: &BuildFolder, samples: &dyn Fn(&str) -> usize) -> Vec<Chart> {
+/// A chart a source: the interval of every bundle's force in each trial; `samples` knows how many there are of a source, and how many an interval holds [-].
+pub(super) fn charts(folder: &BuildFolder, samples: &dyn Fn(&str) -> (usize, f64)) -> Vec<Chart> {
     let mut files: Vec<_> = folder.read_folder(&Calibrate.folder()).unwrap_or_default().into_iter().collect();
     // the knee first
     files.sort_by_key(|(name, _)| !name.starts_with(&format!("{JOINT}/")));
@@ -144,7 +158,7 @@ fn rows(bytes: &[u8]) -> Option<BTreeMap<String, Vec<Force>>> {
     (!out.is_empty()).then_some(out)
 }
 
-fn chart(source: &str, trials: &BTreeMap<String, Vec<Force>>, samples: usize) -> Chart {
+fn chart(source: &str, trials: &BTreeMap<String, Vec<Force>>, (samples, share): (usize, f64)) -> Chart {
     let mut plot = Plot::new();
     let mut widest: Option<(&Force, &str)> = None;
     let mut bundles: Vec<&str> = trials.values().flatten().map(|f| f.bundle.as_str()).collect();
@@ -179,7 +193,8 @@ fn chart(source: &str, trials: &BTreeMap<String, Vec<Force>>, samples: usize) ->
         id: format!("forces-{source}"),
         title: format!("{source}: ligament forces in the drawers, as intervals"),
         text: format!(
-            "The force of every bundle at 133 N anterior and posterior, with the 90 % interval that the data leave, by {samples} samples of the posterior.{least}"
+            "The force of every bundle at 133 N anterior and posterior, with the {} that the data leave, by {samples} samples of the posterior.{least}",
+            named(share)
         ),
         plot: plot.to_json(),
     }
