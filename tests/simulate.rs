@@ -105,6 +105,24 @@ fn a_trial_without_equilibrium_leaves_the_other_rows_as_they_are() {
     assert!(!path("none.out").exists());
 }
 
+/// A knee without ligaments has no equilibrium under the moments of a pivot shift; the row without them is wanted all the same.
+#[test]
+fn a_step_of_a_protocol_without_equilibrium_is_a_row_without_an_answer() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("r.csv");
+    let mut command = build_model();
+    command.arg("simulate").arg(specimen()).args(["--protocol", "pivot-shift", "--samples", "0"]);
+    command.args(["--without", "ACL,PCL,sMCL,dMCL,LCL,PFL,POL,ALS,PCAP", "--out"]).arg(&out);
+    let told = contains("1 of 2 steps has no equilibrium").and(contains("30 deg pivot shift"));
+    command.assert().success().stderr(told);
+    let names = ["step", "fe_deg", "load_vv_nm", "vv_deg", "ap_mm", "force_PCL_AL_n", "contact_medial_force_n"];
+    let rows = columns(&out, &[names.as_slice(), &["flags", "odd"]].concat());
+    assert_eq!(rows.len(), 2);
+    assert!(rows[0][1..7].iter().all(|cell| cell.parse::<f64>().is_ok()), "{:?}", rows[0]);
+    let lost = ["30 deg pivot shift", "30.000000", "8.000000", "", "", "", "", "no equilibrium", "yes"];
+    assert_eq!(rows[1], lost);
+}
+
 /// A data set that a model does not know would be read as none at all.
 #[test]
 fn a_data_set_that_the_model_does_not_know_is_refused() {

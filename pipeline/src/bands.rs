@@ -115,7 +115,8 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
     let (mut outside, mut told) = ([0; 2], 0);
     let rows = bands.rows.into_iter().zip(bands.leaving).zip(bands.kinds);
     for ((r, ((row, leaving), kinds)), values) in results.iter_mut().zip(rows).zip(&values) {
-        r.bands = row;
+        // where the one knee has no answer, samples give it none
+        r.bands = if r.flags.contains(&Flag::NoEquilibrium) { vec![] } else { row };
         let differing = kinds.flags(&r.flags, bands.asked);
         r.flags.extend(differing);
         r.flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: bands.asked }));

@@ -259,24 +259,24 @@ fn known_data_set(loaded: &LoadedModel, name: Option<&str>) -> Result<(), BuildE
 /// The scope of an effect that acts in every data set.
 const BOTH: &str = "both";
 
-/// Gives results their intervals where the model has samples; gives by how many.
+/// Gives results their intervals where the model has samples; gives by how many, and how much of them an interval holds.
 fn banded(
     compiled: &Compiled,
     results: &mut [TrialResult],
     asking: &Asking,
     (words, warnings): (&mut String, &mut Vec<Notice>),
-) -> Result<usize, BuildError> {
+) -> Result<(usize, f64), BuildError> {
     bands::sum_up(results, asking.bundles);
     if asking.most == 0 {
-        return Ok(0);
+        return Ok((0, INTERVAL));
     }
     let (samples, odd) = compiled.samples()?;
     warnings.extend(odd.iter().cloned());
-    let Some(samples) = samples else { return Ok(0) };
+    let Some(samples) = samples else { return Ok((0, INTERVAL)) };
     let banded = bands::by(samples, &compiled.loaded, results, asking);
     *words += &banded.words;
     warnings.extend(banded.warnings);
-    Ok(banded.samples)
+    Ok((banded.samples, samples.of.interval))
 }
 
 /// What is told of results.
@@ -284,7 +284,7 @@ fn told(
     loaded: &LoadedModel,
     results: &[TrialResult],
     (csv, args): (&[u8], &SimulateArgs),
-    samples: usize,
+    samples: (usize, f64),
     (words, mut warnings): (String, Vec<Notice>),
 ) -> Told {
     let header = String::from_utf8_lossy(csv.split(|b| *b == b'\n').next().unwrap_or_default()).into_owned();
@@ -304,8 +304,8 @@ fn told(
         file: args.out.display().to_string(),
         rows: results.len(),
         columns: header.split(',').map(str::to_owned).collect(),
-        samples,
-        error_of_ends: error_of_ends(samples, INTERVAL),
+        samples: samples.0,
+        error_of_ends: error_of_ends(samples.0, samples.1),
         flagged,
         warnings: notices::texts(&warnings),
         notices: warnings.clone(),
@@ -385,17 +385,17 @@ fn with_lost(
     for k in lost {
         results.insert(*k, TrialResult::without_equilibrium(&trials[*k], bundles));
     }
-    let names: Vec<&str> = lost.iter().map(|k| trials[*k].trial.as_str()).collect();
-    let counts_from =
-        |r: &TrialResult| r.trial.reference.as_ref().is_some_and(|from| names.contains(&from.trial.as_str()));
-    let is_found = |r: &TrialResult| !r.flags.contains(&Flag::NoEquilibrium);
-    for r in results.iter_mut().filter(|r| is_found(r) && counts_from(r)) {
+    let is_lost = |r: &TrialResult| r.flags.contains(&Flag::NoEquilibrium);
+    let names: Vec<String> = results.iter().filter(|r| is_lost(r)).map(|r| r.trial.trial.clone()).collect();
+    let counts_from = |r: &TrialResult| r.trial.reference.as_ref().is_some_and(|from| names.contains(&from.trial));
+    for r in results.iter_mut().filter(|r| !is_lost(r) && counts_from(r)) {
         r.flags.push(Flag::Unloaded(Box::new(Flag::NoEquilibrium)));
     }
-    let (n, have) = (lost.len(), if lost.len() == 1 { "has" } else { "have" });
+    let (n, have) = (names.len(), if names.len() == 1 { "has" } else { "have" });
+    let what = if trials.is_empty() { "steps" } else { "trials" };
     let text = format!(
-        "{n} of {} trials {have} no equilibrium, and no answer in the results: {}",
-        trials.len(),
+        "{n} of {} {what} {have} no equilibrium, and no answer in the results: {}",
+        results.len(),
         names.join(", ")
     );
     (n > 0).then(|| Kind::RowFlagged.notice(text).count(n))

@@ -380,6 +380,9 @@ fn with_solvers(
     for (k, column) in columns.enumerate().filter(|_| beside.is_some_and(|b| !b.is_empty())) {
         let cell = |r: &TrialResult| {
             let value = r.columns(bundles)[k].1;
+            if !value.is_finite() {
+                return String::new();
+            }
             format!("{:.6}", if value.abs() < LEAST_TOLD { 0.0 } else { value })
         };
         more.push((format!("{column}_quasistatic"), beside.into_iter().flatten().map(cell).collect()));

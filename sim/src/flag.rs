@@ -11,7 +11,7 @@ const MOST_ODD: f64 = 0.05;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Flag {
-    /// One compartment bears at its rim, the other within.
+    /// One compartment bears at its rim, the other within; or one bears next to nothing, and the tibia lies half a plateau off the CT pose.
     Subluxed,
     /// The femur has left the plateau: what bears, bears at a rim.
     Dislocated,

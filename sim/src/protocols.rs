@@ -1,10 +1,12 @@
 //! The paper's validation protocols [andreassen2025, section 2.6] on a model: AP laxity, passive flexion, pivot shift.
 //!
-//! Each gives rows in the order of time; a row's trial holds the loads acting there and names the step.
+//! Each gives rows in the order of time; a row's trial holds the loads acting there and names the step. A step without equilibrium is a row without
+//! an answer, as a laxity trial without equilibrium is.
 
 use crate::coordinate::{FE, Load};
 use crate::error::SimError;
 use crate::explicit::options::ExplicitOptions;
+use crate::flags::{Flag, HALF_PLATEAU_MM};
 use crate::laxity::{LaxityTrial, Test, TrialResult};
 use crate::model::Model;
 use crate::quasistatic::Phase;
@@ -83,8 +85,8 @@ pub struct ProtocolOptions {
     pub pivot_valgus_nm: f64,
     /// Pivot shift: internal moment [N m]; [andreassen2025, section 2.6.4].
     pub pivot_internal_nm: f64,
-    /// Pivot shift: AP further than this from the CT pose is a dislocation [mm]; half the depth of a plateau, so that a contact that was in its middle
-    /// has come to its rim. The paper calls AP of 21.6 and 23.1 mm dislocated, of 8.1 mm not [andreassen2025, table 6].
+    /// Pivot shift: AP further than this from the CT pose is a dislocation [mm]; [`HALF_PLATEAU_MM`]. The paper calls AP of 21.6 and 23.1 mm
+    /// dislocated, of 8.1 mm not [andreassen2025, table 6].
     pub pivot_dislocation_ap_mm: f64,
     /// Samples of the posterior by which intervals of a calibrated model's answers are told [-]; 0 leaves them out; ours.
     pub samples: usize,
@@ -113,7 +115,7 @@ impl Default for ProtocolOptions {
             pivot_flexion_deg: 30.0,
             pivot_valgus_nm: 8.0,
             pivot_internal_nm: 4.0,
-            pivot_dislocation_ap_mm: 19.0,
+            pivot_dislocation_ap_mm: HALF_PLATEAU_MM,
             samples: 48,
             solver: Solver::Explicit,
             agree: Agreement::default(),
@@ -141,14 +143,42 @@ pub(crate) struct Leg {
     pub(crate) going: Option<(f64, usize)>,
 }
 
-/// Runs a protocol by the quasi-static solver; a row a step.
+/// Runs a protocol by the quasi-static solver; a row a step. A step without equilibrium is a row that says so, and the next one goes on from the last
+/// answer.
 ///
-/// Errors: options out of range, a solver that finds no equilibrium.
+/// Errors: options out of range; no equilibrium in any row.
 pub fn run(model: &Model, protocol: Protocol, options: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
     let paths = paths(model, protocol, options)?;
     let options = ProtocolOptions { trials: options.of(protocol), ..options.clone() };
     let each = paths.par_iter().map(|legs| quasi_static(model, legs, &options));
-    Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
+    let rows = each.collect::<Vec<_>>().concat();
+    with_lost(rows, paths.iter().flatten().map(|leg| &leg.trial), model.bundle_names().len())
+}
+
+/// Rows of a protocol in a model of so many bundles, `trials` in their order: a row without equilibrium says so in its place.
+///
+/// Errors: what was asked is at fault; no equilibrium in any row.
+pub(crate) fn with_lost<'a>(
+    rows: Vec<Result<TrialResult, SimError>>,
+    trials: impl Iterator<Item = &'a LaxityTrial>,
+    bundles: usize,
+) -> Result<Vec<TrialResult>, SimError> {
+    let (mut out, mut why) = (Vec::with_capacity(rows.len()), None);
+    for (row, trial) in rows.into_iter().zip(trials) {
+        match row {
+            Ok(row) => out.push(row),
+            Err(e @ SimError::Solver(_)) => {
+                out.push(TrialResult::without_equilibrium(trial, bundles));
+                why = why.or(Some(e));
+            }
+            // what was asked is at fault
+            Err(e) => return Err(e),
+        }
+    }
+    match why {
+        Some(e) if out.iter().all(|r| r.flags.contains(&Flag::NoEquilibrium)) => Err(e),
+        _ => Ok(out),
+    }
 }
 
 /// The paths of a protocol; each starts in the CT pose, settled under compression.
@@ -172,21 +202,32 @@ pub(crate) fn paths(model: &Model, protocol: Protocol, o: &ProtocolOptions) -> R
     Ok(paths)
 }
 
-fn quasi_static(model: &Model, legs: &[Leg], o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
-    let mut path = Path::settled(model, o.compression_n, &o.trials)?;
-    let mut rows = Vec::with_capacity(legs.len());
-    for leg in legs {
-        let flexion = chain_flexion(model, leg.trial.fe_deg, &o.trials)?;
-        let answer = gone(&mut path, (leg, flexion), o).map_err(|e| e.of_trial(&leg.trial.trial))?;
-        rows.push(answer.result(&leg.trial));
-    }
-    Ok(rows)
+/// The rows of a path, as far as each has an equilibrium.
+fn quasi_static(model: &Model, legs: &[Leg], o: &ProtocolOptions) -> Vec<Result<TrialResult, SimError>> {
+    let mut path = match Path::settled(model, o.compression_n, &o.trials) {
+        Ok(path) => path,
+        Err(e) => return legs.iter().map(|_| Err(e.clone())).collect(),
+    };
+    let mut is_reached = true;
+    let row = |leg: &Leg| {
+        // after a step without equilibrium the way is longer than the leg's: it is flexed and loaded as a laxity trial is
+        let going = leg.going.filter(|_| is_reached);
+        let answer = path.attempt(|path| gone((model, path), (leg, going), o));
+        is_reached = answer.is_ok();
+        answer.map(|a| a.result(&leg.trial)).map_err(|e| e.of_trial(&leg.trial.trial))
+    };
+    legs.iter().map(row).collect()
 }
 
-/// Goes a part of a path to its flexion of the chain [rad], and rests there.
-fn gone(path: &mut Path, (leg, flexion): (&Leg, f64), o: &ProtocolOptions) -> Result<Answer, SimError> {
+/// Goes a part of a path, by its own way or by another one, and rests there.
+fn gone(
+    (model, path): (&Model, &mut Path),
+    (leg, going): (&Leg, Option<(f64, usize)>),
+    o: &ProtocolOptions,
+) -> Result<Answer, SimError> {
+    let flexion = chain_flexion(model, leg.trial.fe_deg, &o.trials)?;
     let load = leg.trial.load.generalised();
-    match leg.going {
+    match going {
         None => path.load(flexion, &load)?,
         Some((seconds, steps)) => {
             let flow = Some((seconds, o.trials.flowing()));

@@ -352,6 +352,21 @@ impl<'a> Path<'a> {
         })
     }
 
+    /// Does a step; where it fails, the path stands where it stood before.
+    ///
+    /// Errors: the step's.
+    pub(crate) fn attempt(
+        &mut self,
+        step: impl FnOnce(&mut Path<'a>) -> Result<Answer, SimError>,
+    ) -> Result<Answer, SimError> {
+        let (state, load) = (self.state.clone(), self.load);
+        let found = step(self);
+        if found.is_err() {
+            (self.state, self.load, self.near) = (state, load, Nearby::default());
+        }
+        found
+    }
+
     /// Whether searches that begin beside an equilibrium end in another: forwards and backwards, turned inwards and outwards.
     fn has_another(&mut self, solved: &Solved) -> Result<bool, SimError> {
         let far = self.options.second_search_mm;

@@ -98,7 +98,11 @@ pub fn hold_against(
         let free = cut_model.as_ref().unwrap_or(model).with_friction(0.0)?;
         let place = Place { protocol, cut: cut.unwrap_or_default() };
         let mut all = Vec::new();
-        for (row, other) in rows.iter_mut().zip(beside).filter(|(row, _)| !row.flags.contains(&Flag::Stopped)) {
+        // a row that one of them alone has an answer to is not held against anything
+        let told_by_both = |(row, other): &(&mut TrialResult, &TrialResult)| {
+            !row.flags.contains(&Flag::Stopped) && Source::has_answer(row) && Source::has_answer(other)
+        };
+        for (row, other) in rows.iter_mut().zip(beside).filter(told_by_both) {
             let mut apart = place.differences(row, other, &bundles, &options.agree);
             if apart.iter().any(|a| a.share() > 1.0) {
                 let cause = cause(&free, row, other, options);

@@ -7,6 +7,7 @@ use attachments::groups::GROUPS;
 use calibration::cost::{Cost, CostFunction};
 use calibration::design::Design;
 use sim::coordinate::Free;
+use sim::flags::Flag;
 use sim::laxity::Test;
 use sim::spec::PoseSpec;
 
@@ -232,7 +233,7 @@ fn decimals(number: u32, value: f64) -> String {
 
 /// A force; below 5 N a dash, as in the paper.
 fn force(f: f64) -> String {
-    if f < 5.0 { "-".into() } else { format!("{f:.1}") }
+    if f < 5.0 { "-".into() } else { tenth(f) }
 }
 
 fn table5(sources: &[Source]) -> Table {
@@ -249,7 +250,7 @@ fn table5(sources: &[Source]) -> Table {
                 let begin = |origin: &str| {
                     vec![test.name().to_owned(), format!("{fe:.0}"), s.label(sources), origin.to_owned()]
                 };
-                if let Some(r) = s.ap_end(test, fe) {
+                if let Some(r) = s.ap_row(test, fe) {
                     let mut row = begin("computed");
                     row.extend(s.groups(r).iter().map(|f| force(*f)));
                     out.rows.push(row);
@@ -283,7 +284,7 @@ fn pivot_rows(
                     if dislocated { "yes".into() } else { String::new() },
                 ]
             };
-            if let Some(r) = s.pivot_end(acl) {
+            if let Some(r) = s.pivot_row(acl) {
                 let mut row = begin("computed", Source::is_dislocated(r));
                 row.extend(computed(s, r));
                 rows.push(row);
@@ -298,8 +299,11 @@ fn pivot_rows(
     rows
 }
 
-/// With one decimal, never "-0.0".
+/// With one decimal, never "-0.0"; a row without equilibrium has no number, and says so.
 fn tenth(x: f64) -> String {
+    if x.is_nan() {
+        return Flag::NoEquilibrium.to_string();
+    }
     let text = format!("{x:.1}");
     if text == "-0.0" { "0.0".to_owned() } else { text }
 }
@@ -328,7 +332,7 @@ fn table7(sources: &[Source]) -> Table {
     let known = |p: &published::PivotShift| {
         GROUPS.iter().map(|(g, _)| format!("{:.1}", p.forces_n.get(*g).copied().unwrap_or(0.0))).collect()
     };
-    let computed = |s: &Source, r: &sim::laxity::TrialResult| s.groups(r).map(|f| format!("{f:.1}")).to_vec();
+    let computed = |s: &Source, r: &sim::laxity::TrialResult| s.groups(r).map(tenth).to_vec();
     out.rows = pivot_rows(sources, &computed, &known);
     out
 }

@@ -73,8 +73,10 @@ impl Source {
 
     /// A model's answers to the protocols, and what is odd about them.
     ///
+    /// A row without equilibrium has no answer: a warning names it.
+    ///
     /// # Errors
-    /// Options out of range; no equilibrium, other than without ACL, which is told as a warning.
+    /// Options out of range; a protocol without equilibrium in any row, other than without ACL, which is told as a warning.
     pub fn simulated(
         name: &str,
         spec: &ModelSpec,
@@ -105,6 +107,7 @@ impl Source {
             ..Source::new(name, spec)
         };
         for (protocol, rows) in source.protocols() {
+            warnings.extend(lost_rows(name, protocol, rows));
             if rows.iter().any(Source::is_dislocated) {
                 warnings.push(
                     Kind::LeavesPlateau
@@ -145,13 +148,22 @@ impl Source {
         ]
     }
 
-    /// The answer under the full anterior or posterior load at a flexion; of equals the first.
+    /// The answer under the full anterior or posterior load at a flexion; of equals the first. None where it has no equilibrium.
     pub fn ap_end(&self, test: Test, flexion_deg: f64) -> Option<&TrialResult> {
+        self.ap_row(test, flexion_deg).filter(|r| Source::has_answer(r))
+    }
+
+    /// The row under the full anterior or posterior load at a flexion; of equals the first that has an answer, else the first.
+    pub(crate) fn ap_row(&self, test: Test, flexion_deg: f64) -> Option<&TrialResult> {
         let sign = if test == Test::Posterior { -1.0 } else { 1.0 };
         let there = |r: &&TrialResult| (r.pose.fe_deg - flexion_deg).abs() < 1.5 && r.trial.load[AP] * sign > 0.0;
         let mut found: Option<&TrialResult> = None;
         for r in self.ap_laxity.iter().filter(there) {
-            if found.is_none_or(|f| r.trial.load[AP].abs() > f.trial.load[AP].abs() + 1e-9) {
+            let is_better = |f: &TrialResult| {
+                let more = r.trial.load[AP].abs() - f.trial.load[AP].abs();
+                more > 1e-9 || (more > -1e-9 && Source::has_answer(r) && !Source::has_answer(f))
+            };
+            if found.is_none_or(is_better) {
                 found = Some(r);
             }
         }
@@ -171,15 +183,34 @@ impl Source {
         group_forces(&self.bundles, &result.forces_n)
     }
 
-    /// The end of the pivot shift, with or without ACL.
+    /// The end of the pivot shift, with or without ACL. None where it has no equilibrium.
     pub fn pivot_end(&self, acl: bool) -> Option<&TrialResult> {
+        self.pivot_row(acl).filter(|r| Source::has_answer(r))
+    }
+
+    /// The row of the end of the pivot shift, with or without ACL.
+    pub(crate) fn pivot_row(&self, acl: bool) -> Option<&TrialResult> {
         if acl { self.pivot_shift.last() } else { self.pivot_shift_no_acl.last() }
+    }
+
+    /// True where a result has an equilibrium; else all that it predicts is NaN.
+    pub fn has_answer(result: &TrialResult) -> bool {
+        !result.flags.contains(&Flag::NoEquilibrium)
     }
 
     /// True where a result says that the femur left the plateau.
     pub fn is_dislocated(result: &TrialResult) -> bool {
         result.flags.contains(&Flag::Dislocated)
     }
+}
+
+/// What is said of a protocol's rows without equilibrium.
+fn lost_rows(name: &str, protocol: &str, rows: &[TrialResult]) -> Option<Notice> {
+    let lost: Vec<&str> = rows.iter().filter(|r| !Source::has_answer(r)).map(|r| r.trial.trial.as_str()).collect();
+    let (n, of) = (lost.len(), rows.len());
+    let have = if n == 1 { "has" } else { "have" };
+    let what = format!("{name}: {protocol}: {n} of {of} rows {have} no quasi-static equilibrium: {}", lost.join(", "));
+    (n > 0).then(|| Kind::RowFlagged.notice(what).of(name).count(n))
 }
 
 /// How far two sources differ in a quantity.
@@ -311,7 +342,8 @@ impl Pair<'_> {
         let known = self.published();
         let figures =
             known.map(|k| Free([Some(k.passive_vv_deg), Some(k.passive_ie_deg), None, Some(k.passive_ap_mm), None]));
-        let curve: Vec<PoseSpec> = self.b.passive_flexion.iter().map(|r| r.pose).collect();
+        let answered = self.b.passive_flexion.iter().filter(|r| Source::has_answer(r));
+        let curve: Vec<PoseSpec> = answered.map(|r| r.pose).collect();
         let d = along(&self.a.passive_flexion, &curve);
         for c in FREE {
             let figure = figures.and_then(|f| f[c]);
@@ -378,12 +410,13 @@ fn against_measured(a: &Source, name: &str, m: &Passive, out: &mut Vec<Differenc
     }
 }
 
-/// Differences of results from a curve interpolated at their flexion, a coordinate each; flexions beyond the curve are left out.
+/// Differences of results from a curve interpolated at their flexion, a coordinate each. Flexions beyond the curve are left out, and results without
+/// equilibrium.
 fn along(results: &[TrialResult], curve: &[PoseSpec]) -> Free<Vec<f64>> {
     let mut sorted: Vec<&PoseSpec> = curve.iter().filter(|p| p.fe_deg.is_finite()).collect();
     sorted.sort_by(|a, b| a.fe_deg.total_cmp(&b.fe_deg));
     let mut out: Free<Vec<f64>> = Free::default();
-    for r in results {
+    for r in results.iter().filter(|r| Source::has_answer(r)) {
         let fe = r.pose.fe_deg;
         let k = sorted.partition_point(|p| p.fe_deg < fe);
         let near = |k: usize| sorted.get(k).filter(|p| (p.fe_deg - fe).abs() < 0.5);

@@ -14,6 +14,7 @@ use calibration::session::ap_probes;
 use serde_json::json;
 use sim::Model;
 use sim::coordinate::Load;
+use sim::flags::Flag;
 use sim::laxity::{Band, LaxityTrial, Test, TrialResult, force_column, results_csv};
 use sim::protocols::{self, Protocol, ProtocolOptions};
 use sim::trials::{TrialOptions, solve_trials};
@@ -85,7 +86,7 @@ fn asked(loaded: &LoadedModel, model: &Model) -> Result<Vec<TrialResult>, BuildE
 /// Forces of every bundle [N].
 fn forces(bundles: &[String], results: &[TrialResult]) -> String {
     let mut text = format!("{HEADER}\n");
-    for r in results {
+    for r in results.iter().filter(|r| !r.flags.contains(&Flag::NoEquilibrium)) {
         for (bundle, value) in bundles.iter().zip(&r.forces_n) {
             let _ = writeln!(text, "{},{bundle},{}", r.trial.trial, cells(*value, r.band(&force_column(bundle))));
         }

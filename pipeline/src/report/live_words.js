@@ -8,7 +8,7 @@ const liveWords = (() => {
   };
   /** The flags of sim/src/flag.rs. @type {Record<string, string>} */
   const FLAGS = {
-    subluxed: "One compartment bears at the rim of its plateau.", "rotated beyond any knee": "The tibia is turned or opened further than knees are.",
+    subluxed: "One compartment bears at the rim of its plateau, or next to nothing with the tibia far from the CT pose.", "rotated beyond any knee": "The tibia is turned or opened further than knees are.",
     dislocated: "The femur has left the plateau: the model does not know what comes next.",
     "several equilibria": "Under the same loads the knee may rest in another place, too.",
     "no equilibrium": "No pose was found in which all forces cancel.", "still moving": "The knee has not come to rest.",

@@ -10,7 +10,7 @@ use crate::deck::Curve;
 use crate::error::SimError;
 use crate::laxity::TrialResult;
 use crate::model::Model;
-use crate::protocols::{Leg, Protocol, ProtocolOptions, paths};
+use crate::protocols::{Leg, Protocol, ProtocolOptions, paths, with_lost};
 use crate::trials::{TrialOptions, chain_flexion};
 use rayon::prelude::*;
 
@@ -24,7 +24,9 @@ pub fn explicit_protocol(
     steps: &TrialSteps,
     options: &ExplicitOptions,
 ) -> Result<Vec<TrialResult>, SimError> {
-    explicit_rows(model, protocol, numbers, steps, options)?.into_iter().collect()
+    let rows = explicit_rows(model, protocol, numbers, steps, options)?;
+    let paths = paths(model, protocol, numbers)?;
+    with_lost(rows, paths.iter().flatten().map(|leg| &leg.trial), model.bundle_names().len())
 }
 
 /// The same row by row: where a path is lost or stopped, its rows from there on say why, and other paths stand.

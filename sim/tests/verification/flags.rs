@@ -1,10 +1,11 @@
 //! Flags: a knee at its rim, one turned too far, a ligament that bears too much, an answer that is not the only one.
-use crate::verification::rig::Rig;
-use meshes::Point;
+use crate::verification::rig::{Rig, plate};
 use meshes::frame::Side;
+use meshes::{Isometry, Point};
 use sim::Model;
 use sim::coordinate::{AP, FE, IE, Load, ML, Six, VV};
-use sim::flags::Flag;
+use sim::flags::{Flag, HALF_PLATEAU_MM};
+use sim::mesh::MeshValue;
 use sim::trials::{TrialOptions, flags, solve};
 
 /// Flags of the rig knee at chain coordinates.
@@ -40,6 +41,38 @@ fn a_knee_is_told_by_where_it_bears_on_its_plateaus() {
         assert_eq!(at(&model, &[(IE, turn), (AP, sign * 8.5)]), [Flag::Subluxed]);
         // sideways one compartment goes over its outer rim, the other towards the eminence
         assert_eq!(at(&model, &[(ML, sign * 17.0)]), [Flag::Subluxed]);
+    }
+}
+
+/// The rig knee on plateaus that end so far before and behind its condyles [mm]; as wide as the rig's.
+fn on_plateaus_of(half: f64) -> Model {
+    let mut rig = knee();
+    for (name, x) in [("tibia0", -22.0), ("tibia1", 22.0)] {
+        let mut longer = plate(half, 2 * half as usize, true);
+        longer.vertices.iter_mut().for_each(|v| v.x *= 18.0 / half);
+        let place = Isometry::translation(x + 0.0713, 0.0437, 0.0137);
+        rig.meshes.insert(name.into(), MeshValue::Surface(longer.moved(&place)));
+    }
+    rig.compiled()
+}
+
+#[test]
+fn a_knee_on_one_plateau_is_subluxed_half_a_plateau_off_the_ct_pose_and_no_sooner() {
+    let (long, short) = (on_plateaus_of(45.0), on_plateaus_of(30.0));
+    let (below, beyond) = (HALF_PLATEAU_MM - 0.5, HALF_PLATEAU_MM + 0.5);
+    let none: Vec<Flag> = vec![];
+    // a tilt that lifts one condyle by more than it lies in its plateau
+    for tilt in [-0.004, 0.004] {
+        for sign in [-1.0, 1.0] {
+            let flagged = |model: &Model, ap: f64| at(model, &[(AP, sign * ap), (VV, tilt)]);
+            assert_eq!((flagged(&long, 8.0), flagged(&long, below)), (none.clone(), none.clone()), "{tilt} {sign}");
+            assert_eq!((flagged(&long, beyond), flagged(&long, 30.0)), (vec![Flag::Subluxed], vec![Flag::Subluxed]));
+            // at the rim, and beyond the depth of a plateau, it is dislocated
+            assert_eq!((flagged(&short, 25.0), flagged(&short, 29.5)), (vec![Flag::Subluxed], vec![Flag::Dislocated]));
+            assert_eq!(flagged(&long, 39.0), [Flag::Dislocated]);
+            // where both bear, it is as far and no flag
+            assert_eq!(at(&long, &[(AP, sign * 30.0)]), none);
+        }
     }
 }
 

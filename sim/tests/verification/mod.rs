@@ -10,6 +10,7 @@ mod laws;
 mod layers;
 mod menisci;
 mod patella;
+mod protocols;
 mod quasistatic;
 mod rig;
 mod wrap;

@@ -170,6 +170,21 @@ fn rows_further_apart_than_they_may_are_flagged_with_the_cause() {
     assert!((worst.difference() - 0.5).abs() < 1e-12);
 }
 
+#[test]
+fn a_row_that_the_quasi_static_solver_has_no_answer_to_is_held_against_nothing() {
+    let (spec, model) = hung();
+    let options = few_rows();
+    let (mut quasi, _) = Source::simulated("hung", &spec, &model, &options).unwrap();
+    let trial = quasi.passive_flexion[1].trial.clone();
+    quasi.passive_flexion[1] = TrialResult::without_equilibrium(&trial, quasi.bundles.len());
+    let (mut source, _) = explicit(&quasi, &model, &options).unwrap();
+    assert!(Source::has_answer(&source.passive_flexion[1]), "explicit dynamics come to rest there");
+    let told = hold_against(&mut source, &quasi, &model, &options).unwrap();
+    assert!(told.is_empty(), "{told:?}");
+    let check = source.check.unwrap();
+    assert!(check.largest.len() == 12 && check.largest.iter().all(|a| a.difference().is_finite()));
+}
+
 /// Share of the usual damping of fibres by which a knee swings on beyond a row's rest [-].
 const LIGHT: f64 = 0.003;
 

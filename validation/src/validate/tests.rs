@@ -178,3 +178,35 @@ fn the_cost_table_adds_up_to_the_cost() {
     assert!((column(8) - cost.cost(&predicted).sum).abs() < 0.01 * table.rows.len() as f64);
     assert!((column(9) - 100.0).abs() < 0.1 * table.rows.len() as f64);
 }
+
+#[test]
+fn a_row_without_equilibrium_has_no_number_in_any_table_and_they_say_so() {
+    let lose = |r: &mut TrialResult| *r = TrialResult::without_equilibrium(&r.trial, 3);
+    let mut lost = source("rks", 2.0);
+    let is_full = |r: &&mut TrialResult| r.trial.fe_deg == 60.0 && r.trial.load[AP] > 100.0;
+    lost.ap_laxity.iter_mut().filter(is_full).take(1).for_each(lose);
+    assert!(lost.ap_end(Test::Anterior, 60.0).is_some(), "the other row of the same load has an answer");
+    lost.ap_laxity.iter_mut().filter(is_full).for_each(lose);
+    lose(&mut lost.passive_flexion[3]);
+    lost.pivot_shift.iter_mut().for_each(lose);
+    assert!(lost.ap_end(Test::Anterior, 60.0).is_none() && lost.pivot_end(true).is_none());
+    assert!(lost.ap_end(Test::Posterior, 60.0).is_some() && lost.pivot_end(false).is_some());
+    let poses = [0.0, 90.0].map(|fe_deg| PoseSpec { fe_deg, ..PoseSpec::default() }).to_vec();
+    let measured = [Passive { name: "rks".into(), poses }];
+    let sources = [lost, source("kla", 0.0)];
+    let all = compare(&sources, &measured);
+    assert!(all.iter().all(|d| d.rmsd.is_finite() && d.protocol != "pivot_shift"));
+    assert_eq!(find(&all, "ap_laxity", "anterior_ap").count, 2);
+    assert_eq!(all.iter().find(|d| d.protocol == "passive_flexion" && d.quantity == "ap").unwrap().count, 18);
+    let tables = tables::tables(&sources);
+    assert!(tables[1].csv().contains("anterior,60,rks,computed,no equilibrium,"), "{}", tables[1].csv());
+    assert!(tables[2].csv().contains("intact,rks,computed,,30.0,no equilibrium,"), "{}", tables[2].csv());
+    assert!(tables.iter().all(|t| !t.csv().contains("NaN")));
+    assert_eq!(
+        lost_rows("rks", "pivot_shift", &sources[0].pivot_shift).unwrap().count,
+        Some(1),
+        "{:?}",
+        sources[0].pivot_shift
+    );
+    assert!(lost_rows("kla", "pivot_shift", &sources[1].pivot_shift).is_none());
+}

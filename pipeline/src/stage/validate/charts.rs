@@ -26,7 +26,7 @@ struct Curve {
 
 /// The charts of the knee, the first source of a validation.
 pub(super) fn charts(s: &Source) -> Vec<Chart> {
-    let passive: Vec<&TrialResult> = s.passive_flexion.iter().collect();
+    let passive: Vec<&TrialResult> = s.passive_flexion.iter().filter(|r| Source::has_answer(r)).collect();
     let drawer = |test| s.ap_flexions().into_iter().filter_map(|fe| s.ap_end(test, fe)).collect::<Vec<_>>();
     let sets = [
         ("passive", "passive flexion", passive),
