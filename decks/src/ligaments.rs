@@ -36,6 +36,12 @@ pub(super) const USUAL_N_PER_MM: RangeInclusive<f64> = 0.7..=2500.0;
 /// Toe strain where the deck states none [-].
 const TOE_STRAIN: f64 = 0.03;
 
+/// A force in compression below this share of the table's largest is rounding [-]. Ours.
+const LEAST_PUSH: f64 = 1e-6;
+/// Types of the elements that are read as fibres: axial connectors, and springs along the line between two nodes.
+const CONNECTOR: &str = "CONN3D2";
+const SPRING: &str = "SPRINGA";
+
 /// What the deck says of ligaments.
 #[derive(Default)]
 pub(super) struct Ligaments {
@@ -118,6 +124,7 @@ fn read_bundle(
             );
             return Err(model.error(model.elements[e].at, what));
         }
+        along_its_ends(model, f.set, &name, &model.elements[e])?;
         out.fibres.push(fibre(model, bodies, &name, &model.elements[e])?);
     }
     let law = bundle(&name, &f.stem, f.behaviour, elements.len(), parameters, &mut out.warnings);
@@ -132,6 +139,7 @@ fn read_bundle(
                 .of(&name),
         );
     }
+    out.warnings.extend(pushes(&name, f.behaviour));
     if !USUAL_N_PER_MM.contains(&bundle.stiffness_n_per_mm) {
         let [low, high] = [USUAL_N_PER_MM.start(), USUAL_N_PER_MM.end()];
         out.warnings.push(Kind::OddStiffness.notice(format!(
@@ -142,6 +150,31 @@ fn read_bundle(
     out.toe_end_multiple.insert(name, multiple);
     out.bundles.push(bundle);
     Ok(())
+}
+
+/// What is said of a table with forces that push.
+fn pushes(name: &str, behaviour: &Behaviour) -> Option<Notice> {
+    let pushed = behaviour.elastic.iter().map(|p| -p[0]).fold(0.0, f64::max);
+    let most = behaviour.elastic.last().map_or(0.0, |p| p[0]);
+    (pushed > LEAST_PUSH * most).then(|| {
+        let text = format!(
+            "{name}: the deck's force table pushes with up to {pushed:.3} N where the fibre is shorter than slack; here it is slack there, as ligaments are"
+        );
+        Kind::ForceTable.notice(text).of(name)
+    })
+}
+
+/// Refuses an element that does not act along the line between its ends, as its section takes it to.
+fn along_its_ends(model: &DeckModel, set: &Connector, name: &str, element: &Element) -> Result<(), DeckError> {
+    let (expected, section) = if set.spring { (SPRING, "*SPRING") } else { (CONNECTOR, "*CONNECTOR SECTION") };
+    if element.kind.eq_ignore_ascii_case(expected) {
+        return Ok(());
+    }
+    let what = format!(
+        "{name}: an element of type {} in a set of {section}; expected {expected}, which pulls along the line between its ends: a SPRING1 or SPRING2 acts along an axis that does not turn with them",
+        element.kind
+    );
+    Err(model.error(element.at, what))
 }
 
 fn fibre(model: &DeckModel, bodies: &Bodies, bundle: &str, element: &Element) -> Result<FibreSpec, DeckError> {
@@ -222,6 +255,9 @@ fn bundle(
 ) -> Result<(BundleSpec, f64), DeckError> {
     let table = &behaviour.elastic;
     let bad = |what: &str| DeckError::whole(format!("{name}: force table {what}; expected slack, toe, line"));
+    if table.is_empty() {
+        return Err(bad("is not there: a linear elasticity is none, nor is one of another component than 1"));
+    }
     let slack = table.iter().rposition(|p| p[0] <= 0.0).ok_or_else(|| bad("has no slack part"))?;
     let [.., before, last] = table[..] else { return Err(bad("is too short")) };
     let slope = (last[0] - before[0]) / (last[1] - before[1]);

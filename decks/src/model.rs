@@ -511,7 +511,9 @@ impl DeckModel {
         if block.keyword == "CONNECTOR DAMPING" {
             behaviour.damping = rows.first().and_then(|r| r.first()).copied().unwrap_or(0.0);
         } else {
-            behaviour.elastic = rows.iter().filter(|r| r.len() >= 2).map(|r| [r[0], r[1]]).collect();
+            // a linear elasticity is no table, and its second number a temperature
+            let table = rows.iter().filter(|r| r.len() >= 2 && block.options.contains_key("NONLINEAR"));
+            behaviour.elastic = table.map(|r| [r[0], r[1]]).collect();
         }
         if before.elastic != behaviour.elastic && !before.elastic.is_empty() {
             self.tell(deck, block, block.line, second_time("tables of a connector behavior"));

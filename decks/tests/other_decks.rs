@@ -201,6 +201,34 @@ fn springs_between_the_bones_are_a_ligament_and_nothing_like_it_is_lost() {
 }
 
 #[test]
+fn springs_along_an_axis_and_connectors_of_another_type_are_refused_by_their_line() {
+    let table = "*SPRING, ELSET=ACL_AM, NONLINEAR\n3, 3\n0., -10.\n0., 0.\n30., 1.\n120., 2.\n";
+    for kind in ["SPRING1", "SPRING2"] {
+        let told = read(springs(kind, table).as_bytes()).unwrap_err();
+        assert!(told.line > 1 && told.to_string().contains("ACL_AM"), "{kind}: {told}");
+    }
+    for kind in ["T3D2", "SPRING2", "SPRINGA"] {
+        let deck = KNEE.replacen("TYPE=CONN3D2, ELSET=LCL_1D", &format!("TYPE={kind}, ELSET=LCL_1D"), 1);
+        let told = read(deck.as_bytes()).unwrap_err();
+        let words = told.to_string();
+        assert!(told.line > 1 && words.contains(kind) && words.contains("expected CONN3D2"), "{kind}: {words}");
+    }
+}
+
+#[test]
+fn a_spring_that_pushes_is_told_and_a_linear_connector_is_no_table() {
+    let pushes = "*SPRING, ELSET=ACL_AM, NONLINEAR\n\n-900., -10.\n0., 0.\n30., 1.\n120., 2.\n";
+    let deck = read(springs("SPRINGA", pushes).as_bytes()).unwrap();
+    let told = notices::texts(&deck.warnings).join("\n");
+    assert!(told.contains("ACL_AM: the deck's force table pushes with up to 900.000 N"), "{told}");
+    let told = notices::texts(&read(KNEE.as_bytes()).unwrap().warnings).join("\n");
+    assert!(!told.contains("pushes"), "{told}");
+    let linear = KNEE.replacen("COMPONENT=1, NONLINEAR", "COMPONENT=1", 1);
+    let told = read(linear.as_bytes()).unwrap_err();
+    assert!(told.line > 1 && told.to_string().contains("a linear elasticity is none"), "{told}");
+}
+
+#[test]
 fn amplitudes_of_values_are_obeyed_and_a_restart_is_told() {
     let with = |words: &str| {
         read(KNEE.replacen("*ELSET, ELSET=FIBRES", &format!("{words}*ELSET, ELSET=FIBRES"), 1).as_bytes())

@@ -152,6 +152,11 @@ pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), Build
             wanted.extend(series(&place, &path)?);
             continue;
         }
+        if place.is_dir() {
+            let what =
+                format!("{path} is an empty folder; expected a file: put the file there, and name it in specimen.toml");
+            return Err(refuse(stages::StageError::specimen(what)));
+        }
         let bytes = read(&place)?;
         wanted.extend(stages::ingest::paths_named_in(&path, &bytes));
         files.insert(path, bytes);

@@ -50,8 +50,17 @@ fn other_kind(bytes: &[u8]) -> Option<&'static str> {
         (b"version https://git-lfs", "the file is a Git LFS pointer, not the data"),
         (b"<!DOCTYPE", "the file is a web page"),
     ];
-    kinds.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, what)| *what)
+    let known = kinds.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, what)| *what);
+    known.or_else(|| match bytes.trim_ascii() {
+        [] => Some("the file is empty"),
+        [b'{', ..] => Some(JSON),
+        [b'[', rest @ ..] if matches!(rest.trim_ascii_start(), [b'{' | b'[', ..]) => Some(JSON),
+        _ => None,
+    })
 }
+
+/// What is said of JSON: an object, or a list of objects or of lists.
+const JSON: &str = "the file is JSON";
 
 /// The text of UTF-8, of UTF-16 or UTF-32 with or without a mark, else of Latin-1, which is told.
 pub fn decoded(bytes: &[u8]) -> (Cow<'_, str>, Option<&'static str>) {
@@ -120,6 +129,11 @@ mod tests {
         assert!(told.is_some_and(|t| t.contains("Latin-1")));
         assert!(table(b"PK\x03\x04...", &[]).is_err_and(|k| k.contains("workbook")));
         assert!(table(b"%PDF-1.7", &[]).is_err_and(|k| k.contains("PDF")));
-        assert!(other_kind(b"trial,test").is_none());
+        for (bytes, kind) in
+            [(&b" \n"[..], "empty"), (b"{\"a\": 1}", "JSON"), (b"[\n  {\"a\": 1}]", "JSON"), (b"[[1, 2]]", "JSON")]
+        {
+            assert!(table(bytes, &[]).is_err_and(|k| k.contains(kind)), "{kind}");
+        }
+        assert!(other_kind(b"trial,test").is_none() && other_kind(b"[Header]\ntrial,test").is_none());
     }
 }

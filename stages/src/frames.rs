@@ -1,6 +1,7 @@
 //! Stage 5, frames: transepicondylar and tibial frames, Grood-Suntay pose in CT.
 
 pub mod given;
+mod patella;
 
 use crate::StageError;
 use crate::anatomy::{LEAST_SECTIONS, RoughAxes, Shaft, rough_axes};
@@ -166,8 +167,10 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
     }
     let mark = |name: &str| landmark(specimen, name);
     let (femoral, cylinder, ends) = femoral_frame(femur, &rough, side, &mark, options, &mut warnings)?;
-    warnings.extend(stretched((ends[0] - ends[1]).norm(), cylinder.radius));
-    warnings.extend(short_shafts(&rough, (ends[0] - ends[1]).norm(), &mark, options));
+    let width_mm = (ends[0] - ends[1]).norm();
+    warnings.extend(stretched(width_mm, cylinder.radius));
+    warnings.extend(bones.patella.as_ref().and_then(|p| patella::misplaced(p, &femoral, width_mm)));
+    warnings.extend(short_shafts(&rough, width_mm, &mark, options));
     let (tibial, joint_line) = tibial_frame(tibfib, &rough, side, &mark, options, &mut warnings)?;
     let (femoral, tibial) = match &specimen.given_frames {
         Some(given) => given::frames(given, [&femoral, &tibial], side, options, &mut warnings)?,
@@ -198,7 +201,7 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
         angle_to_tea_axial_deg: angle.abs(),
         condylar_radius_mm: cylinder.radius,
         condylar_rms_mm: cylinder.rms,
-        epicondylar_width_mm: (ends[0] - ends[1]).norm(),
+        epicondylar_width_mm: width_mm,
         femur_shaft_sections: rough.femur_shaft.sections,
         tibia_shaft_sections: rough.tibia_shaft.sections,
         femur_shaft_turn_deg: rough.femur_shaft.turn_deg,

@@ -80,6 +80,7 @@ fn more(trials: &[LaxityTrial], known: &[SignDoubt]) -> Vec<SignDoubt> {
     let mut found: Vec<SignDoubt> = super::flexion::doubt(trials).into_iter().collect();
     found.extend(pose_zero(trials));
     found.extend(super::order::unloaded_differ(trials));
+    found.extend(super::order::loaded_neutral(trials));
     found.extend(super::numbers::doubts(trials));
     found.extend(super::stated::doubts(trials));
     found.extend(super::outliers::doubts(trials));

@@ -157,6 +157,25 @@ pub(super) fn unlike(trials: &[LaxityTrial]) -> Option<SignDoubt> {
     })
 }
 
+/// Trials without a test by name that are loaded as a test is: they count as unloaded ones.
+pub(super) fn loaded_neutral(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    let share = |t: &LaxityTrial, (c, usual, ..): &(Coordinate, f64, Test, Test)| t.load[*c].abs() / usual;
+    let is_loaded = |t: &&LaxityTrial| USUAL_LOADS.iter().any(|usual| share(t, usual) >= TESTED);
+    let found: Vec<&LaxityTrial> = trials.iter().filter(|t| t.test == Test::Neutral).filter(is_loaded).collect();
+    let first = found.first()?;
+    Some(SignDoubt {
+        column: "test".into(),
+        words: format!(
+            "{} trials are neutral by name and loaded, the first \"{}\", by {:.1} N m VV, {:.1} N m IE and {:.0} N AP. Expected no load but compression: name the test that each of them is",
+            found.len(),
+            first.trial,
+            first.load[VV],
+            first.load[IE],
+            first.load[AP]
+        ),
+    })
+}
+
 fn rows_elsewhere(trials: &[LaxityTrial]) -> Vec<&LaxityTrial> {
     trials.iter().filter(|t| elsewhere(t.test, &t.load)).collect()
 }

@@ -6,6 +6,9 @@ use super::{LaxityTrial, SignDoubt};
 use crate::coordinate::{AP, Coordinate, IE, SI, VV};
 use std::collections::BTreeMap;
 
+mod flexion_unit;
+mod scale;
+
 /// Words for the positive and the negative sign of each loaded coordinate.
 const WORDS: [(Coordinate, &str, &str); 3] =
     [(VV, "valgus", "varus"), (IE, "external", "internal"), (AP, "anterior", "posterior")];
@@ -27,9 +30,15 @@ pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     if let Some(out_of_step) = out_of_step.or_else(|| super::lag::flexion(trials)) {
         return vec![out_of_step];
     }
-    let exchanged = super::exchanged::sure(trials);
+    // nor does a unit of a part of a column show a sign, or another column
+    let scaled = [scale::doubts(trials), flexion_unit::doubts(trials)].concat();
+    let is_scaled = |column: &str| scaled.iter().any(|known| known.column == column);
+    let exchanged =
+        super::exchanged::sure(trials).filter(|(_, both)| both.iter().all(|c| !is_scaled(c.column().as_str())));
     let of_both: Vec<String> = exchanged.iter().flat_map(|(_, both)| both.map(Coordinate::column)).collect();
-    let mut doubts: Vec<SignDoubt> = WORDS.iter().filter_map(|w| axis(trials, *w)).collect();
+    let axes = WORDS.iter().filter_map(|w| axis(trials, *w)).filter(|d| !is_scaled(&d.column));
+    let mut doubts: Vec<SignDoubt> = axes.collect();
+    doubts.extend(scaled.iter().cloned());
     doubts.extend(flexion(trials));
     let mean = |of: &dyn Fn(&LaxityTrial) -> Option<f64>| {
         let values: Vec<f64> = trials.iter().filter_map(of).collect();

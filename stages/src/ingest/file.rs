@@ -5,6 +5,8 @@ use crate::specimen::{CartilageFrame, CtPaths, Pieces, RawSpecimen, SEGMENTED, S
 use attachments::bundle::BUNDLES;
 use sim::names::{did_you_mean, with_suggestion};
 
+mod shape;
+
 /// Files that count when they lie beside specimen.toml, named by `[points]` or not, in the order landmarks, marks,
 /// attachments. Who loads a specimen adds those that exist to [`RawSpecimen::files`].
 pub const OPTIONAL_PATHS: [&str; 3] = ["landmarks.csv", "marks.csv", "attachments.csv"];
@@ -16,8 +18,11 @@ pub const OPTIONAL_PATHS: [&str; 3] = ["landmarks.csv", "marks.csv", "attachment
 pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let file: SpecimenFile = toml::from_str(text).map_err(|e| {
+        if let Some(empty) = shape::empty(text) {
+            return StageError::specimen(empty);
+        }
         let what = with_suggestion(&e.message().trim().replace('\n', "; "));
-        let what = format!("{what}{}{}", unquoted(text, &e), typed(text, &e));
+        let what = format!("{}{}{}", shape::placed(text, &e, what), unquoted(text, &e), typed(text, &e));
         match e.span() {
             Some(span) => {
                 let before = text.get(..span.start).unwrap_or(text);

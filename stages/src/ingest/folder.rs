@@ -26,7 +26,8 @@ pub fn specimen_text(bytes: &[u8]) -> Result<String, StageError> {
 }
 
 /// Refuses a file that is not there by the name of one that is, and whose letters are of another case: a disk of another system takes both for one.
-/// `is_there` and `list` look into the specimen's folder: at a path, and for the names in a folder, of which the empty one is the specimen's.
+/// Refuses a folder where a file is expected. `is_there` and `list` look into the specimen's folder: at a path, and for the names in a folder, of which
+/// the empty one is the specimen's.
 ///
 /// # Errors
 /// The key, the path and the name that is there.
@@ -36,6 +37,7 @@ pub fn check_case(
     list: impl Fn(&str) -> Vec<String>,
 ) -> Result<(), StageError> {
     for (key, path) in named(file) {
+        check_is_file(&key, &path, &list)?;
         if !is_there(&path)
             && let Some(found) = in_another_case(&path, &list)
         {
@@ -63,6 +65,26 @@ pub fn check_case(
         }
     }
     Ok(())
+}
+
+/// The only key that may name a folder: a DICOM series.
+const MAY_BE_FOLDER: &str = "ct.volume";
+/// Files of a folder that a message names.
+const NAMES_TOLD: usize = 5;
+
+/// Refuses a folder that a key of a file names, with the files in it.
+fn check_is_file(key: &str, path: &str, list: &impl Fn(&str) -> Vec<String>) -> Result<(), StageError> {
+    let names = list(path.trim_end_matches('/'));
+    let Some(first) = names.first().filter(|_| key != MAY_BE_FOLDER) else { return Ok(()) };
+    let last = key.rsplit('.').next().unwrap_or(key).to_lowercase();
+    let likeliest = names.iter().find(|name| name.to_lowercase().contains(&last)).unwrap_or(first);
+    let folder = path.trim_end_matches(['/', '.']);
+    let within = if folder.is_empty() { likeliest.clone() } else { format!("{folder}/{likeliest}") };
+    let more = if names.len() > NAMES_TOLD { ", ..." } else { "" };
+    Err(StageError::specimen(format!(
+        "{key} = \"{path}\" is a folder; expected a file, and it holds {}{more}: name one of them, as {key} = \"{within}\"",
+        names.iter().take(NAMES_TOLD).map(String::as_str).collect::<Vec<_>>().join(", ")
+    )))
 }
 
 /// The path as it is in the folder, where the case of its letters is all that differs.
@@ -103,6 +125,34 @@ mod tests {
             assert!(told.contains(word), "{word}: {told}");
         }
         assert!(specimen_text(b"PK\x03\x04\xff\xfe\x01").unwrap_err().to_string().contains("no text"));
+    }
+
+    #[test]
+    fn a_folder_in_a_file_s_place_is_told_with_its_key_and_files() {
+        let list = |path: &str| match path {
+            "ct" => vec!["femur.stl".to_owned(), "tibfib.stl".to_owned()],
+            "." => vec!["ct".to_owned()],
+            _ => vec![],
+        };
+        let said =
+            |toml: &str| check_case(&parse_specimen_file(toml).unwrap(), |_| true, list).map_err(|e| e.to_string());
+        assert_eq!(said(TOML), Ok(()));
+        for (from, to, key) in [
+            ("ct/tibfib.stl", "ct", "ct.tibfib = \"ct\""),
+            ("ct/tibfib.stl", "ct/", "ct.tibfib = \"ct/\""),
+            ("ct/tibfib.stl", ".", "ct.tibfib = \".\""),
+            ("a.ply", "ct", "scans.femur = \"ct\""),
+        ] {
+            let told = said(&TOML.replace(from, to)).unwrap_err();
+            assert!(told.starts_with(&format!("specimen.toml: {key} is a folder; expected a file")), "{told}");
+        }
+        let told = said(&TOML.replace("ct/tibfib.stl", "ct")).unwrap_err();
+        assert!(
+            told.ends_with("holds femur.stl, tibfib.stl: name one of them, as ct.tibfib = \"ct/tibfib.stl\""),
+            "{told}"
+        );
+        let surfaces = "[ct]\nfemur = \"ct/Femur.stl\"\ntibfib = \"ct/tibfib.stl\"";
+        assert_eq!(said(&TOML.replace(surfaces, "[ct]\nvolume = \"ct\"")), Ok(()));
     }
 
     #[test]

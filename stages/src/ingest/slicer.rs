@@ -168,6 +168,9 @@ fn turn(system: &str) -> Result<f64, String> {
     }
 }
 
+/// What is said of a file of points that went through a spreadsheet.
+const SEMICOLONS: &str = ": its cells are parted by semicolons, as a spreadsheet writes them; save it from 3D Slicer, or write commas between cells and decimal points in numbers";
+
 fn fiducials(text: &str) -> Result<Vec<Placed>, String> {
     // Versions before 4.6 do not state it and are in RAS.
     let mut turn_by = -1.0;
@@ -190,7 +193,8 @@ fn fiducials(text: &str) -> Result<Vec<Placed>, String> {
         let cell = |name: &str| columns.iter().position(|c| c == name).and_then(|k| row.get(k));
         let number = |name: &str| {
             cell(name).and_then(|x| x.parse::<f64>().ok()).filter(|x| x.is_finite()).ok_or_else(|| {
-                format!("{place}: {name} is `{}`; expected a number in mm", cell(name).unwrap_or_default())
+                let parted = if line.contains(';') { SEMICOLONS } else { "" };
+                format!("{place}: {name} is `{}`; expected a number in mm{parted}", cell(name).unwrap_or_default())
             })
         };
         let point = Point::new(turn_by * number("x")?, turn_by * number("y")?, number("z")?);
@@ -229,6 +233,7 @@ mod tests {
             ("a.mrk.json", &json.replace("RAS", "XYZ"), "LPS or RAS"),
             ("a.mrk.json", &json.replace("\"mm\"", "\"ft\""), "mm"),
             ("a.fcsv", "# CoordinateSystem = LPS\n1,a,2,3", "line 2: x"),
+            ("a.fcsv", "# CoordinateSystem = LPS\n1;1,5;2,0;3,25;0;0;0;1;1;1;0;ACL", "parted by semicolons"),
         ] {
             let told = read_one(path, text).err().unwrap().to_string();
             assert!(told.contains(word), "{told}");

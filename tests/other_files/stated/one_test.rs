@@ -1,7 +1,7 @@
 //! Laxity files in which one position or one test is otherwise than the rest: a sign, a unit; and thousands among decimal commas.
 
 use super::super::tables::{laxity, plain};
-use super::{good, refused, said, with_column};
+use super::{BUILT, good, refused, said, text, with_column};
 
 /// The table with cells changed, by test, flexion and number of the column.
 fn changed(change: impl Fn(&str, f64, usize, f64) -> f64) -> String {
@@ -70,6 +70,102 @@ fn loads_of_one_test_in_another_unit_are_told_by_its_name() {
         // one way is often pulled less
         let words = said(&changed(|own, _, k, x| if k == at && own == test { x / 2.0 } else { x }));
         assert!(!words.contains("in the tests called"), "{words}");
+    }
+}
+
+/// A laxity file of the phantom with one column's readings divided in the rows that are meant, by test and flexion.
+fn phantom_with(file: &str, column: &str, divided: f64, meant: impl Fn(&str, &str) -> bool) -> String {
+    let table = text(&BUILT.path().join("laxity").join(file));
+    let at = table.lines().next().unwrap().split(',').position(|name| name == column).unwrap();
+    let line = |line: &str| {
+        let mut cells: Vec<String> = line.split(',').map(String::from).collect();
+        if let Some(value) = cells[at].parse::<f64>().ok().filter(|_| meant(&cells[1], &cells[2])) {
+            cells[at] = format!("{:.6}", value / divided);
+        }
+        cells.join(",") + "\n"
+    };
+    table.lines().map(line).collect()
+}
+
+#[test]
+fn readings_of_one_test_or_flexion_in_another_unit_are_told_by_its_name() {
+    const RAD: f64 = 57.295_779_513_082_32;
+    for file in ["kla.csv", "rks.csv"] {
+        assert_eq!(said(&phantom_with(file, "ap_mm", 1.0, |_, _| true)), "", "{file}");
+        for (column, factor, unit, own) in [
+            ("ap_mm", 10.0, "cm", ["anterior", "posterior"]),
+            ("ap_mm", 25.4, "inches", ["anterior", "posterior"]),
+            ("ie_deg", RAD, "radians", ["internal", "external"]),
+            ("vv_deg", RAD, "radians", ["varus", "valgus"]),
+        ] {
+            let table = phantom_with(file, column, 1.0, |_, _| true);
+            let has = |at: usize, word: &str| table.lines().any(|line| line.split(',').nth(at) == Some(word));
+            for test in own.into_iter().filter(|test| has(1, test)) {
+                let words = said(&phantom_with(file, column, factor, |name, _| name == test));
+                let wanted = [format!("in the {test} trials"), format!("maybe these readings are in {unit}")];
+                assert!(wanted.iter().all(|w| words.contains(w)) && words.lines().count() == 1, "{wanted:?}: {words}");
+            }
+            let tested = own.into_iter().any(|test| has(1, test));
+            for flexion in ["30.000000", "90.000000"].into_iter().filter(|_| tested) {
+                let words = said(&phantom_with(file, column, factor, |_, at| at == flexion));
+                let wanted = format!("at {} deg, and by", &flexion[..2]);
+                let told = words.contains(&wanted) && words.contains(&format!("maybe these readings are in {unit}"));
+                assert!(told && words.lines().count() == 1, "{wanted}: {words}");
+            }
+        }
+    }
+}
+
+#[test]
+fn loads_and_places_of_one_flexion_in_another_unit_are_told_there() {
+    let at_30 = |_: &str, at: &str| at == "30.000000";
+    for (column, divided, unit) in [
+        ("load_ap_n", 4.448_221_615_260_5, "lbf"),
+        ("load_ap_n", 9.806_65, "kgf"),
+        ("load_ie_nm", 9.806_65, "kgf m"),
+        ("si_mm", 10.0, "cm"),
+        ("si_mm", 25.4, "inches"),
+    ] {
+        let words = said(&phantom_with("rks.csv", column, divided, at_30));
+        let told = words.starts_with(column) && words.contains(" at 30 deg, and ");
+        assert!(told && words.contains(&format!("maybe it is in {unit} there")), "{column} {unit}: {words}");
+    }
+    // a smaller load that moves the knee less
+    let table = phantom_with("rks.csv", "load_ap_n", 5.0, at_30);
+    let less = table.lines().map(|line| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let meant = cells[2] == "30.000000" && ["anterior", "posterior"].contains(&cells[1]);
+        let cell = |(k, cell): (usize, &&str)| match cell.parse::<f64>() {
+            Ok(value) if meant && k == 12 => (0.4 * value).to_string(),
+            _ => (*cell).to_owned(),
+        };
+        cells.iter().enumerate().map(cell).collect::<Vec<_>>().join(",") + "\n"
+    });
+    let words = said(&less.collect::<String>());
+    assert!(!words.contains("maybe it is in"), "{words}");
+}
+
+#[test]
+fn neutral_trials_under_a_test_s_load_are_told() {
+    let row = |name: &str, vv: f64, ie: f64, ap: f64| {
+        good() + &format!("{name},neutral,30,{vv},{ie},0,{ap},20,30.3,0.5,-1,0.5,-1.5,-28.5\n")
+    };
+    assert_eq!(said(&row("n", 0.3, -0.2, 5.0)), "");
+    for (vv, ie, ap) in [(10.0, 0.0, 0.0), (0.0, -5.0, 0.0), (0.0, 0.0, 100.0)] {
+        let words = said(&row("n", vv, ie, ap));
+        assert!(words.contains("1 trials are neutral by name and loaded, the first \"n\""), "{words}");
+    }
+}
+
+#[test]
+fn a_stiff_test_and_a_stiff_flexion_are_not_called_another_unit() {
+    for (column, least) in [("ap_mm", 2.0), ("ie_deg", 5.0), ("vv_deg", 4.0)] {
+        for test in ["anterior", "posterior", "internal", "external", "varus", "valgus"] {
+            let words = said(&phantom_with("rks.csv", column, least, |name, _| name == test));
+            assert!(!words.contains("maybe these readings"), "{column} {test}: {words}");
+        }
+        let words = said(&phantom_with("rks.csv", column, 0.5 * least, |_, at| at == "30.000000"));
+        assert!(!words.contains("maybe these readings"), "{column}: {words}");
     }
 }
 

@@ -1,0 +1,161 @@
+//! Whether the readings of one test, or of one flexion, are in another unit than the rest: they vary far less than the others, and would not in that unit.
+
+use crate::coordinate::{AP, Coordinate, IE, VV};
+use crate::laxity::{LaxityTrial, SignDoubt, Test};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A coordinate whose readings may be in another unit in a part of a file.
+struct Scale {
+    of: Coordinate,
+    /// Other units and what they are in mm or deg.
+    units: &'static [(&'static str, f64)],
+    /// Readings of the part vary by less than this share of what the others do [-].
+    share: f64,
+    /// Readings lie no further from 0 than this, once they are in mm or deg.
+    farthest: f64,
+    /// The others vary by this much and more: over all of a test, and at a flexion [mm] or [deg].
+    least: [f64; 2],
+}
+
+/// All limits are ours. They were tried on 173 files of published and simulated knees, cut ones among them. A test varies by 0.12 (VV), 0.17 (IE) and
+/// 0.49 (AP) of the others at the least, and a flexion by 0.23, 0.33 and 0.32. A degree read from radians is 0.017 of itself; a millimetre read from
+/// inches is 0.04 and from cm 0.1.
+const SCALES: [Scale; 3] = [
+    Scale { of: VV, units: &RADIANS, share: 0.09, farthest: 30.0, least: [0.7, 1.0] },
+    Scale { of: IE, units: &RADIANS, share: 0.09, farthest: 60.0, least: [3.0, 3.0] },
+    Scale { of: AP, units: &LENGTHS, share: 0.2, farthest: 40.0, least: [5.0, 2.0] },
+];
+const RADIANS: [(&str, f64); 1] = [("radians", 57.295_779_513_082_32)];
+const LENGTHS: [(&str, f64); 2] = [("cm", 10.0), ("inches", 25.4)];
+/// Readings of a test from which on what they vary by is no chance.
+const LEAST_READINGS: usize = 4;
+/// Readings of a flexion: of the tests that load the coordinate, and of the others.
+const LEAST_AT_A_FLEXION: [usize; 2] = [2, 3];
+/// Flexions over which a test varies.
+const LEAST_FLEXIONS: usize = 2;
+
+/// A reading of a pose: its test, nominal flexion [deg], load and value.
+struct Reading {
+    test: Test,
+    at: i64,
+    load: f64,
+    value: f64,
+}
+
+/// A part of the readings that varies too little: what it is called, by how much it and the others vary, and the unit that would explain it.
+struct Small {
+    part: String,
+    varies: f64,
+    others: f64,
+    unit: &'static str,
+}
+
+/// Coordinates of which one test or one flexion may be in another unit. Displacements are left out: they do not show where a knee lies.
+pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
+    let one = |scale: &Scale| {
+        let poses = trials.iter().filter(|t| t.reference.is_none() && t.test != Test::Neutral);
+        let reading = |t: &LaxityTrial| {
+            let at = t.nominal_flexion_deg.round() as i64;
+            Some(Reading { test: t.test, at, load: t.load[scale.of], value: t.measured[scale.of]? })
+        };
+        let all: Vec<Reading> = poses.filter_map(reading).collect();
+        let of_tests = of_a_test(&all, scale);
+        let found = if of_tests.is_empty() { of_a_flexion(&all, scale) } else { of_tests };
+        told(&found, scale)
+    };
+    SCALES.iter().filter_map(one).collect()
+}
+
+/// Tests of the coordinate whose readings hardly vary over loads and flexions, beside those of the other tests.
+fn of_a_test(all: &[Reading], scale: &Scale) -> Vec<Small> {
+    let mut tests: BTreeMap<Test, Vec<&Reading>> = BTreeMap::new();
+    all.iter().for_each(|r| tests.entry(r.test).or_default().push(r));
+    tests.retain(|_, of| of.iter().map(|r| r.at).collect::<BTreeSet<_>>().len() >= LEAST_FLEXIONS);
+    let one = |(test, of): (&Test, &Vec<&Reading>)| {
+        let own = test.coordinate() == Some(scale.of) && of.len() >= LEAST_READINGS;
+        let rest = tests.iter().filter(|(other, _)| *other != test);
+        let others = middle(rest.map(|(_, of)| span(of.iter().map(|r| r.value))).collect())?;
+        let varies = span(of.iter().map(|r| r.value));
+        let unit = scale.unit(varies / others, of.iter().map(|r| r.value))?;
+        let part = format!("in the {} trials", test.name());
+        (own && others >= scale.least[0]).then_some(Small { part, varies, others, unit })
+    };
+    tests.iter().filter_map(one).collect()
+}
+
+/// How far readings vary at a flexion: under the coordinate's own loads, by load, and under the other tests' loads.
+struct AtFlexion {
+    own: f64,
+    by_load: f64,
+    coupled: f64,
+}
+
+/// Flexions at which the coordinate hardly varies, in its own tests and in the others, beside the other flexions.
+fn of_a_flexion(all: &[Reading], scale: &Scale) -> Vec<Small> {
+    let flexions: BTreeSet<i64> = all.iter().map(|r| r.at).collect();
+    let vary: BTreeMap<i64, AtFlexion> =
+        flexions.into_iter().filter_map(|at| Some((at, at_flexion(all, at, scale.of)?))).collect();
+    let one = |(at, here): (&i64, &AtFlexion)| {
+        let others = |of: fn(&AtFlexion) -> f64| {
+            middle(vary.iter().filter(|(other, _)| *other != at).map(|(_, there)| of(there)).collect())
+        };
+        let own = others(|v| v.own)?;
+        // a knee may be stiff in one of them; a unit makes all of them less
+        let shares = [here.own / own, here.by_load / others(|v| v.by_load)?, here.coupled / others(|v| v.coupled)?];
+        let share = shares.into_iter().fold(0.0, f64::max);
+        let unit = scale.unit(share, all.iter().filter(|r| r.at == *at).map(|r| r.value))?;
+        let part = format!("at {at} deg");
+        (own >= scale.least[1]).then_some(Small { part, varies: here.own, others: own, unit })
+    };
+    vary.iter().filter_map(one).collect()
+}
+
+fn at_flexion(all: &[Reading], at: i64, c: Coordinate) -> Option<AtFlexion> {
+    let here = all.iter().filter(|r| r.at == at);
+    let (own, rest): (Vec<&Reading>, Vec<&Reading>) = here.partition(|r| r.test.coordinate() == Some(c));
+    let [least_own, least_rest] = LEAST_AT_A_FLEXION;
+    let load = span(own.iter().map(|r| r.load));
+    let varies = span(own.iter().map(|r| r.value));
+    let coupled = span(rest.iter().map(|r| r.value));
+    let enough = own.len() >= least_own && rest.len() >= least_rest;
+    (enough && load > 0.0 && varies > 0.0).then_some(AtFlexion { own: varies, by_load: varies / load, coupled })
+}
+
+impl Scale {
+    /// The unit in which readings that vary by this share of the others would vary most as those do; none where the share is no unit's, or where they
+    /// would lie beyond any knee's then.
+    fn unit(&self, share: f64, values: impl Iterator<Item = f64>) -> Option<&'static str> {
+        let most = values.map(f64::abs).fold(0.0, f64::max);
+        let is_small = share > 0.0 && share < self.share;
+        let fits = self.units.iter().filter(|(_, factor)| is_small && most * factor <= self.farthest);
+        let off = |factor: f64| (share * factor).ln().abs();
+        fits.min_by(|a, b| off(a.1).total_cmp(&off(b.1))).map(|(unit, _)| *unit)
+    }
+}
+
+fn told(found: &[Small], scale: &Scale) -> Option<SignDoubt> {
+    let first = found.first()?;
+    let (column, unit) = (scale.of.column(), scale.of.unit());
+    let parts: Vec<&str> = found.iter().map(|small| small.part.as_str()).collect();
+    let words = format!(
+        "{column} varies by {:.2} {unit} {}, and by {:.1} {unit} in the others: maybe these readings are in {}, and the rest in {unit}. Expected one unit in the whole column: look at their record, and write them in {unit} if so",
+        first.varies,
+        parts.join(" and "),
+        first.others,
+        first.unit
+    );
+    Some(SignDoubt { column, words })
+}
+
+/// The largest less the smallest; 0 of nothing.
+fn span(values: impl Iterator<Item = f64>) -> f64 {
+    let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], x| [l.min(x), h.max(x)]);
+    (high - low).max(0.0)
+}
+
+/// The middle of a list; none of an empty one, nor where it is nothing.
+fn middle(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let [below, above] = [values.len().saturating_sub(1) / 2, values.len() / 2].map(|k| values.get(k).copied());
+    Some(f64::midpoint(below?, above?)).filter(|m| *m > 0.0)
+}
