@@ -111,7 +111,7 @@ fn a_step_of_a_protocol_without_equilibrium_is_a_row_without_an_answer() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("r.csv");
     let mut command = build_model();
-    command.arg("simulate").arg(specimen()).args(["--protocol", "pivot-shift", "--samples", "0"]);
+    command.arg("simulate").arg(specimen()).args(["--protocol", "pivot-shift"]);
     command.args(["--without", "ACL,PCL,sMCL,dMCL,LCL,PFL,POL,ALS,PCAP", "--out"]).arg(&out);
     let told = contains("1 of 2 steps has no equilibrium").and(contains("30 deg pivot shift"));
     command.assert().success().stderr(told);
@@ -120,7 +120,17 @@ fn a_step_of_a_protocol_without_equilibrium_is_a_row_without_an_answer() {
     assert_eq!(rows.len(), 2);
     assert!(rows[0][1..7].iter().all(|cell| cell.parse::<f64>().is_ok()), "{:?}", rows[0]);
     let lost = ["30 deg pivot shift", "30.000000", "8.000000", "", "", "", "", "no equilibrium", "yes"];
+    // no sample rests otherwise than a knee that has no answer
     assert_eq!(rows[1], lost);
+    // a series of files has one of each row that has a pose
+    let series = folder.path().join("series");
+    let mut command = build_model();
+    command.arg("export").arg(specimen()).args(["--format", "vtk", "--poses"]).arg(&out).arg("--out").arg(&series);
+    command.assert().success();
+    let files = std::fs::read_dir(&series)
+        .unwrap()
+        .filter(|f| f.as_ref().unwrap().path().extension().is_some_and(|e| e == "vtu"));
+    assert_eq!(files.count(), 1);
 }
 
 /// A data set that a model does not know would be read as none at all.

@@ -238,7 +238,9 @@ impl Samples {
         };
         let rows = staying.iter().enumerate().map(row).collect();
         let leaving = staying.iter().map(|s| s.leaving).collect();
-        let lost = staying.iter().map(|s| s.lost).max().unwrap_or(0);
+        // where the most probable knee has no equilibrium no sample was asked: there none is lost
+        let is_asked = |i: &usize| own[place[*i]].is_some();
+        let lost = (0..trials.len()).filter(is_asked).map(|i| staying[i].lost).max().unwrap_or(0);
         let stays = |p: &&Prediction| !p.leaves_the_plateau;
         let kinds = place.iter().map(|i| {
             let here = found.iter().filter_map(|f| f[*i].as_ref()).filter(stays);
@@ -360,7 +362,8 @@ impl Samples {
         let mode = DVector::from_iterator(parameters.len(), unknowns.iter().map(|u| u.most_probable));
         let (able, answers) = answered(&knee, &mode);
         if able.is_empty() {
-            return Err(CalibrationError::Targets("the most probable knee has no equilibrium in any trial".into()));
+            let why = "without friction, as samples are asked, the most probable knee has no equilibrium in any row";
+            return Err(CalibrationError::Targets(why.into()));
         }
         let used = self.len().min(question.most);
         let near = (&mode, &answers);

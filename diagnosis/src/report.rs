@@ -208,7 +208,7 @@ pub struct Gap {
     pub before: f64,
     /// With the effect too [-].
     pub after: f64,
-    /// What noise and floor leave [-].
+    /// What noise and floor leave; never more than with the effect, though they may leave more [-].
     pub floor: f64,
     /// Share of the gap that is closed [-].
     pub closed: f64,

@@ -4,6 +4,7 @@ use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::record::hash;
 use crate::store;
+use calibration::error::CalibrationError;
 use calibration::posterior::{error_of_ends, is_outside};
 use calibration::samples::{Question, SCHEMA, Samples, group_sums};
 use notices::{Kind, Notice};
@@ -110,13 +111,17 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
     };
     let bands = match samples.bands(&loaded.meshes, &question) {
         Ok(bands) => bands,
+        Err(CalibrationError::Targets(why)) => return none(format!("no intervals: {why}")),
         Err(e) => return none(format!("no intervals: {e}")),
     };
     let (mut outside, mut told) = ([0; 2], 0);
     let rows = bands.rows.into_iter().zip(bands.leaving).zip(bands.kinds);
     for ((r, ((row, leaving), kinds)), values) in results.iter_mut().zip(rows).zip(&values) {
-        // where the one knee has no answer, samples give it none
-        r.bands = if r.flags.contains(&Flag::NoEquilibrium) { vec![] } else { row };
+        // where the one knee has no answer, samples give it none, and none rests otherwise than it
+        if r.flags.contains(&Flag::NoEquilibrium) {
+            continue;
+        }
+        r.bands = row;
         let differing = kinds.flags(&r.flags, bands.asked);
         r.flags.extend(differing);
         r.flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: bands.asked }));
@@ -141,7 +146,8 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
     let of_one = match outside {
         [0, _] => String::new(),
         [k, rows] => format!(
-            "{k} of {told} poses and forces of the single most probable model lie outside their interval, in {rows} rows (flags)\n"
+            "{k} of {told} poses and forces of the single most probable model lie outside their interval, in {rows} row{} (flags)\n",
+            if rows == 1 { "" } else { "s" }
         ),
     };
     let lost = (bands.lost > 0).then(|| {
@@ -152,9 +158,16 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
             ))
             .count(bands.lost)
     });
+    let has_no_pose = |r: &&TrialResult| !r.bands.is_empty() && FREE.iter().all(|c| r.band(&c.column()).is_none());
+    let unposed = results.iter().filter(has_no_pose).count();
+    let poses = (unposed > 0).then(|| {
+        let rows = if unposed == 1 { "row has" } else { "rows have" };
+        let why = "under the loads that the model lacks fewer than two samples stay on the plateau";
+        Kind::NoIntervals.notice(format!("{unposed} {rows} no interval of the pose: {why}")).count(unposed)
+    });
     Banded {
         words: format!("mean and {n} % interval by {} samples of the posterior{fewer}{error}\n{of_one}", bands.asked),
-        warnings: lost.into_iter().collect(),
+        warnings: lost.into_iter().chain(poses).collect(),
         samples: bands.asked,
         outside,
     }

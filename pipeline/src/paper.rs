@@ -188,6 +188,7 @@ fn slack(sources: &[Source]) -> String {
     let steps = sources.iter().flat_map(|s| {
         s.passive_flexion
             .windows(2)
+            .filter(|w| w.iter().all(Source::has_answer))
             .map(|w| (s.name.as_str(), w[0].pose.ap_mm - w[1].pose.ap_mm, &w[0].pose, &w[1].pose))
     });
     let largest = steps.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));

@@ -206,9 +206,12 @@ fn answers_to(
     };
     let model = cut.as_ref().unwrap_or(base);
     let names = model.bundle_names();
-    let (mut results, lost) = match args.protocol {
-        Some(protocol) => (run_protocol(model, protocol, args).map_err(|e| fault(&e))?, vec![]),
-        None => answers(model, &trials, args.solver).map_err(|e| fault(&e))?,
+    let ((mut results, lost), why) = match args.protocol {
+        Some(protocol) => {
+            let (rows, why) = run_protocol(model, protocol, args).map_err(|e| fault(&e))?;
+            ((rows, vec![]), why)
+        }
+        None => (answers(model, &trials, args.solver).map_err(|e| fault(&e))?, None),
     };
     warnings.extend(beyond::calibration(&loaded.spec, results.iter().map(|r| &r.trial)));
     diagnosis::report::predict::apply(model, &loaded.spec, args.read_as.as_deref(), &mut results)
@@ -222,7 +225,7 @@ fn answers_to(
         dislocation_ap_mm: pivot.then_some(ProtocolOptions::default().pivot_dislocation_ap_mm),
     };
     let by = banded(compiled, &mut results, &asking, (&mut words, &mut warnings))?;
-    warnings.extend(with_lost(&mut results, &lost, (trials.as_slice(), names.len())));
+    warnings.extend(with_lost(&mut results, (lost.as_slice(), why.as_ref()), (trials.as_slice(), names.len())));
     let csv = match args.protocol {
         Some(_) => laxity::protocol_csv(&names, &results),
         None => laxity::results_csv(&names, &results),
@@ -376,10 +379,10 @@ fn answers(
     }
 }
 
-/// Puts the rows of trials without equilibrium in their places, and tells of them.
+/// Puts the rows of trials without equilibrium in their places, and tells of them; `why`: what ended the first path of explicit dynamics that was lost.
 fn with_lost(
     results: &mut Vec<TrialResult>,
-    lost: &[usize],
+    (lost, why): (&[usize], Option<&sim::SimError>),
     (trials, bundles): (&[LaxityTrial], usize),
 ) -> Option<Notice> {
     for k in lost {
@@ -393,15 +396,23 @@ fn with_lost(
     }
     let (n, have) = (names.len(), if names.len() == 1 { "has" } else { "have" });
     let what = if trials.is_empty() { "steps" } else { "trials" };
+    let why = why.map_or(String::new(), |e| {
+        format!(". Explicit dynamics lost the motion ({e}); later steps of such a path were not tried")
+    });
     let text = format!(
-        "{n} of {} {what} {have} no equilibrium, and no answer in the results: {}",
+        "{n} of {} {what} {have} no equilibrium, and no answer in the results: {}{why}",
         results.len(),
         names.join(", ")
     );
     (n > 0).then(|| Kind::RowFlagged.notice(text).count(n))
 }
 
-fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> Result<Vec<TrialResult>, sim::SimError> {
+/// The rows of a protocol, and why the first without an answer has none, where explicit dynamics were asked.
+fn run_protocol(
+    model: &Model,
+    protocol: ProtocolName,
+    args: &SimulateArgs,
+) -> Result<(Vec<TrialResult>, Option<sim::SimError>), sim::SimError> {
     let options = ProtocolOptions {
         to_flexion_deg: args.to_flexion,
         compression_n: args.compression,
@@ -413,7 +424,7 @@ fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> R
         ProtocolName::PivotShift => Protocol::PivotShift,
     };
     match args.solver {
-        Solver::Quasistatic => protocols::run(model, protocol, &options),
+        Solver::Quasistatic => Ok((protocols::run(model, protocol, &options)?, None)),
         Solver::Explicit => {
             explicit_protocol(model, protocol, &options, &TrialSteps::default(), &ExplicitOptions::default())
         }

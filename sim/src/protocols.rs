@@ -152,17 +152,19 @@ pub fn run(model: &Model, protocol: Protocol, options: &ProtocolOptions) -> Resu
     let options = ProtocolOptions { trials: options.of(protocol), ..options.clone() };
     let each = paths.par_iter().map(|legs| quasi_static(model, legs, &options));
     let rows = each.collect::<Vec<_>>().concat();
-    with_lost(rows, paths.iter().flatten().map(|leg| &leg.trial), model.bundle_names().len())
+    let (rows, _) = with_lost(rows, paths.iter().flatten().map(|leg| &leg.trial), model.bundle_names().len())?;
+    Ok(rows)
 }
 
-/// Rows of a protocol in a model of so many bundles, `trials` in their order: a row without equilibrium says so in its place.
+/// Rows of a protocol in a model of so many bundles, `trials` in their order: a row without equilibrium says so in its place. Beside them why the first
+/// has none.
 ///
 /// Errors: what was asked is at fault; no equilibrium in any row.
 pub(crate) fn with_lost<'a>(
     rows: Vec<Result<TrialResult, SimError>>,
     trials: impl Iterator<Item = &'a LaxityTrial>,
     bundles: usize,
-) -> Result<Vec<TrialResult>, SimError> {
+) -> Result<(Vec<TrialResult>, Option<SimError>), SimError> {
     let (mut out, mut why) = (Vec::with_capacity(rows.len()), None);
     for (row, trial) in rows.into_iter().zip(trials) {
         match row {
@@ -177,7 +179,7 @@ pub(crate) fn with_lost<'a>(
     }
     match why {
         Some(e) if out.iter().all(|r| r.flags.contains(&Flag::NoEquilibrium)) => Err(e),
-        _ => Ok(out),
+        why => Ok((out, why)),
     }
 }
 

@@ -4,7 +4,7 @@
 
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, Coordinate, IE, ML, SI, VV};
-use sim::laxity::{LaxityTrial, between, read, sign_doubts};
+use sim::laxity::{LaxityTrial, Test, between, read, sign_doubts};
 
 /// A robot's tests at four flexions, of a knee that loosens in flexion.
 fn made() -> Vec<LaxityTrial> {
@@ -518,4 +518,59 @@ fn a_nominal_flexion_that_neither_names_nor_measured_flexion_have_is_told() {
     });
     let named = |d: &(String, String)| d.0 == "nominal_flexion_deg" && d.1.contains("nominal 45 deg, 60 by its name");
     assert!(all.iter().any(named), "{all:?}");
+}
+
+#[test]
+fn a_smaller_load_at_one_flexion_is_another_unit_only_by_that_unit_s_factor() {
+    let in_unit = |divided: f64| {
+        let found = told(|_, t| {
+            if t.nominal_flexion_deg == 60.0 {
+                t.load[IE] /= divided;
+            }
+        });
+        found.iter().any(|(_, words)| words.contains("maybe it is in kgf m there"))
+    };
+    assert!(in_unit(9.806_65));
+    for divided in [1.0, 4.5, 5.0, 7.0, 14.0] {
+        assert!(!in_unit(divided), "{divided}");
+    }
+}
+
+#[test]
+fn a_drawer_beside_a_torn_ligament_s_is_not_called_another_unit() {
+    let in_cm = |anterior: fn(f64) -> f64, posterior: fn(f64) -> f64| {
+        let mut trials = made();
+        trials.retain(|t| t.test.coordinate() == Some(AP));
+        for t in &mut trials {
+            let value = if t.load[AP] > 0.0 { anterior } else { posterior };
+            t.measured[AP] = Some(value(t.nominal_flexion_deg));
+        }
+        sign_doubts(&trials).iter().any(|d| d.words.contains("maybe these readings are in cm"))
+    };
+    assert!(in_cm(|at| 0.1 * (5.0 + 0.05 * at), |at| -6.0 - 0.06 * at));
+    assert!(!in_cm(|at| 1.0 + 0.01 * at, |at| -16.0 - 0.1 * at));
+}
+
+#[test]
+fn si_that_counts_from_extension_is_not_called_another_unit_there() {
+    let found = told(|i, t| t.measured[SI] = Some(-0.05 * t.nominal_flexion_deg - 0.0137 * i as f64));
+    assert!(!found.iter().any(|(_, words)| words.contains("maybe it is in")), "{found:?}");
+    assert!(found.iter().any(|(_, words)| words.contains("do poses count from another zero")), "{found:?}");
+}
+
+#[test]
+fn neutral_trials_of_a_sensor_that_was_not_zeroed_are_told_by_the_sensor() {
+    let found = |all_by: f64, neutral_by: f64| {
+        let mut trials = made();
+        let mut unloaded = trials[0].clone();
+        (unloaded.trial, unloaded.test) = ("n".into(), Test::Neutral);
+        (unloaded.load[AP], unloaded.load[VV]) = (0.0, neutral_by);
+        trials.push(unloaded);
+        trials.iter_mut().for_each(|t| t.load[VV] += all_by);
+        let words: Vec<String> = sign_doubts(&trials).into_iter().map(|d| d.words).collect();
+        ["was the sensor not zeroed", "neutral by name and loaded"].map(|part| words.iter().any(|w| w.contains(part)))
+    };
+    assert_eq!(found(0.0, 0.0), [false, false]);
+    assert_eq!(found(2.2, 0.0), [true, false]);
+    assert_eq!(found(0.0, 2.2), [false, true]);
 }

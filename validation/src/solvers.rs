@@ -45,7 +45,9 @@ pub fn explicit(quasi: &Source, model: &Model, options: &ProtocolOptions) -> Res
         for (row, by) in rows.iter_mut().zip(found) {
             match by {
                 Ok(by) => *row = with_other_rests(by, row),
-                Err(_) => row.flags.push(Flag::Stopped),
+                // where neither has an answer there is no quasi-static one to tell
+                Err(_) if Source::has_answer(row) => row.flags.push(Flag::Stopped),
+                Err(_) => {}
             }
         }
     }

@@ -131,15 +131,13 @@ fn shrunk(g: &Gap) -> String {
             " On trials that no calibration had seen the error does not fall: {before} without the answer, {after} with it. So those trials do not speak for it."
         );
     }
-    format!(
-        " On trials that no calibration had seen the error falls by {}, from {:.2} to {:.2}; noise alone leaves {:.2}, so that is {} % of what \
-         it could fall.",
-        fixed(g.before - g.after, 2),
-        g.before,
-        g.after,
-        g.floor,
-        fixed(100.0 * g.closed, 0)
-    )
+    let [by, before, after, floor] = [g.before - g.after, g.before, g.after, g.floor].map(|x| fixed(x, 2));
+    let falls = format!(" On trials that no calibration had seen the error falls by {by}, from {before} to {after}");
+    // a floor is cut off at the error with the answer
+    if g.floor >= g.after {
+        return format!("{falls}. Noise alone would leave as much or more, so it falls by all that it could.");
+    }
+    format!("{falls}; noise alone leaves {floor}, so that is {} % of what it could fall.", fixed(100.0 * g.closed, 0))
 }
 
 /// How data from before count; nothing where there are none.
@@ -479,10 +477,16 @@ mod tests {
 
     #[test]
     fn what_a_gap_shrinks_by_stands_beside_its_share() {
-        let (before, after, floor, closed) = (0.87, 0.81, 0.81, 1.0);
         let rmse = std::collections::BTreeMap::new;
-        let told = shrunk(&Gap { before, after, floor, closed, rmse_before: rmse(), rmse_after: rmse() });
-        assert!(told.contains("falls by 0.06, from 0.87 to 0.81") && told.contains("100 %"), "{told}");
+        let (before, after, floor, closed) = (0.87, 0.81, 0.75, 0.5);
+        let gap = Gap { before, after, floor, closed, rmse_before: rmse(), rmse_after: rmse() };
+        let told = shrunk(&gap);
+        assert!(told.contains("falls by 0.06, from 0.87 to 0.81; noise alone leaves 0.75"), "{told}");
+        assert!(told.contains("50 % of what it could"), "{told}");
+        // a floor is cut off at the error with the answer: how much noise leaves is then not known
+        let told = shrunk(&Gap { floor: after, closed: 1.0, ..gap });
+        assert!(told.contains("from 0.87 to 0.81. Noise alone would leave as much or more"), "{told}");
+        assert!(!told.contains("leaves 0.81") && !told.contains('%'), "{told}");
         // what does not fall is never said to fall by less than nothing
         for (before, after) in [(0.74, 1.01), (1.0, 1.0)] {
             let told = shrunk(&Gap { before, after, floor, closed: 0.0, rmse_before: rmse(), rmse_after: rmse() });

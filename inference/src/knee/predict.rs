@@ -25,7 +25,7 @@ pub struct Prediction {
     pub outputs: Vec<(String, f64)>,
     /// Whether the femur has left the plateau.
     pub leaves_the_plateau: bool,
-    /// Whether one compartment bears at its rim, the other within.
+    /// Whether the knee is subluxed: one compartment bears at its rim, or next to nothing far from the CT pose.
     pub is_subluxed: bool,
 }
 

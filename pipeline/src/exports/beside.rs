@@ -12,12 +12,12 @@ use calibration::inferred::REST_DEG;
 use calibration::posterior::is_outside;
 use calibration::session::ap_probes;
 use serde_json::json;
-use sim::Model;
 use sim::coordinate::Load;
 use sim::flags::Flag;
 use sim::laxity::{Band, LaxityTrial, Test, TrialResult, force_column, results_csv};
 use sim::protocols::{self, Protocol, ProtocolOptions};
-use sim::trials::{TrialOptions, solve_trials};
+use sim::trials::{Answer, TrialOptions, solve_trials};
+use sim::{Model, SimError};
 use std::fmt::Write;
 
 /// Files that hold answers: forces of ligaments, and all that is predicted.
@@ -63,7 +63,7 @@ pub(super) fn label((name, bytes): &mut File, loaded: &LoadedModel) {
     }
 }
 
-/// Answers at rest, in drawers and in each protocol of the paper, with bands; a part without an equilibrium is left out.
+/// Answers at rest, in drawers and in each protocol of the paper, with bands; a part without an equilibrium in any row is left out.
 fn asked(loaded: &LoadedModel, model: &Model) -> Result<Vec<TrialResult>, BuildError> {
     let bundles = model.bundle_names();
     let mut out = Vec::new();
@@ -86,7 +86,7 @@ fn asked(loaded: &LoadedModel, model: &Model) -> Result<Vec<TrialResult>, BuildE
 /// Forces of every bundle [N].
 fn forces(bundles: &[String], results: &[TrialResult]) -> String {
     let mut text = format!("{HEADER}\n");
-    for r in results.iter().filter(|r| !r.flags.contains(&Flag::NoEquilibrium)) {
+    for r in results.iter().filter(|r| has_answer(r)) {
         for (bundle, value) in bundles.iter().zip(&r.forces_n) {
             let _ = writeln!(text, "{},{bundle},{}", r.trial.trial, cells(*value, r.band(&force_column(bundle))));
         }
@@ -118,15 +118,23 @@ fn of_part(protocol: Option<Protocol>, r: &TrialResult) -> String {
     }
 }
 
-/// Rest and drawers, then the protocols; those without an equilibrium left out.
+/// Whether a result has an equilibrium.
+fn has_answer(r: &TrialResult) -> bool {
+    !r.flags.contains(&Flag::NoEquilibrium)
+}
+
+/// Rest and drawers, then the protocols; one without an equilibrium in any row is left out.
 fn parts(model: &Model) -> Vec<(Option<Protocol>, Vec<TrialResult>)> {
     let rest =
         |f: &f64| LaxityTrial::asked(format!("neutral_{f}"), Test::Neutral, *f, Load::compression(COMPRESSION_N));
     let trials: Vec<LaxityTrial> = REST_DEG.iter().map(rest).chain(ap_probes()).collect();
     let answers = solve_trials(model, &trials, &TrialOptions::default());
-    let asked: Result<Vec<TrialResult>, _> =
-        answers.into_iter().zip(&trials).map(|(a, t)| a.map(|a| a.result(t))).collect();
-    let mut out: Vec<_> = asked.into_iter().map(|results| (None, results)).collect();
+    let bundles = model.bundle_names().len();
+    let row = |(answer, trial): (Result<Answer, SimError>, &LaxityTrial)| {
+        answer.map_or_else(|_| TrialResult::without_equilibrium(trial, bundles), |a| a.result(trial))
+    };
+    let asked: Vec<TrialResult> = answers.into_iter().zip(&trials).map(row).collect();
+    let mut out: Vec<_> = asked.iter().any(has_answer).then_some((None, asked)).into_iter().collect();
     for protocol in [Protocol::ApLaxity, Protocol::PassiveFlexion, Protocol::PivotShift] {
         let run = protocols::run(model, protocol, &ProtocolOptions::default());
         out.extend(run.into_iter().map(|results| (Some(protocol), results)));

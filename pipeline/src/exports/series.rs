@@ -17,13 +17,15 @@ struct Row {
     forces: Vec<(String, f64)>,
 }
 
-/// model.pvd and model_0000.vtu, ...: a file a row of `table` (results of `simulate`, protocols of `validate`), time being the row's number.
+/// model.pvd and model_0000.vtu, ...: a file a row of `table` (results of `simulate`, protocols of `validate`), time being the row's number. A row without
+/// equilibrium has no pose and no file.
 pub(super) fn files(model: &LoadedModel, place: &Path, table: &[u8]) -> Result<Vec<File>, BuildError> {
     let fault = |e: String| BuildError::in_file(place, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(|e| fault(e.to_string()))?;
     let mut out = Vec::new();
     let mut list = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\"><Collection>\n".to_owned();
     for (n, row) in rows(table).map_err(&fault)?.iter().enumerate() {
+        let Some(row) = row else { continue };
         let q = joint.coordinates(&row.pose).map_err(|e| fault(format!("row {}: {e}", n + 1)))?;
         let name = format!("model_{n:04}.vtu");
         let _ = writeln!(list, "<DataSet timestep=\"{n}\" part=\"0\" file=\"{name}\"/>");
@@ -34,7 +36,8 @@ pub(super) fn files(model: &LoadedModel, place: &Path, table: &[u8]) -> Result<V
     Ok(out)
 }
 
-fn rows(table: &[u8]) -> Result<Vec<Row>, String> {
+/// The rows in their order; none of one without equilibrium, whose pose is empty but for the flexion.
+fn rows(table: &[u8]) -> Result<Vec<Option<Row>>, String> {
     let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(table);
     let header: Vec<String> = reader.headers().map_err(|e| e.to_string())?.iter().map(str::to_owned).collect();
     let place = |name: &str| {
@@ -56,17 +59,21 @@ fn rows(table: &[u8]) -> Result<Vec<Row>, String> {
     for (n, record) in reader.records().enumerate() {
         let record = record.map_err(|e| e.to_string())?;
         let number = |k: usize| record.get(k).and_then(|x| x.trim().parse::<f64>().ok()).filter(|x| x.is_finite());
+        if columns[1..].iter().all(|k| record.get(*k).is_some_and(|cell| cell.trim().is_empty())) {
+            out.push(None);
+            continue;
+        }
         let mut pose = Six::zeros();
         for (k, column) in columns.iter().enumerate() {
             let x = number(*column).ok_or(format!("row {}: {} is not a number", n + 1, POSE[k]))?;
             pose[k] = if k < 3 { x.to_radians() } else { x };
         }
-        out.push(Row {
+        out.push(Some(Row {
             pose,
             forces: forces.iter().map(|(k, name)| (name.clone(), number(*k).unwrap_or(0.0))).collect(),
-        });
+        }));
     }
-    if out.is_empty() { Err("no rows".into()) } else { Ok(out) }
+    if out.iter().all(Option::is_none) { Err("no row with a pose".into()) } else { Ok(out) }
 }
 
 /// One unstructured grid: triangles (VTK type 5) and lines (3) with part number and fibre force.

@@ -198,7 +198,7 @@ fn states(of: &[NotExcluded]) -> String {
     for n in of {
         let name = match &n.torn {
             Some(structure) => format!("{structure} torn"),
-            None if n.is_nothing() => "nothing".to_owned(),
+            None if n.is_nothing() => "nothing is missing".to_owned(),
             None => names_of(&n.effects),
         };
         let _ = write!(out, "<tr><td>{}</td>", escaped(&name));
@@ -402,7 +402,29 @@ mod tests {
             assert_eq!(page.matches("colspan=\"5\"").count(), maps, "{page}");
             assert_eq!(page.matches("<th>AP</th>").count(), maps, "{page}");
             assert_eq!(page.matches("font-weight:bold").count(), maps, "{page}");
+            // of the ligaments' parameters, and of their forces in the one test: no column is without its name
+            let columns = if is_named { [2, 2] } else { [1, 0] };
+            let headed = ["<th>recalibrated</th>", "<th>with the answer</th>"].map(|th| page.matches(th).count());
+            assert_eq!(headed, columns, "{verdict}: {page}");
         }
+    }
+
+    #[test]
+    fn a_floor_that_is_cut_off_says_so_and_a_control_never_closes_less_than_nothing() {
+        let mut d = with_verdict("decisive");
+        assert!(body("knee", &d).contains("<td>noise and floor: so much or more</td>"));
+        (d.gap.held_out.floor, d.gap.held_out.before) = (0.9, 2.0);
+        for (closed, told) in [(-0.15, "closes nothing: the error grows with it."), (0.12, "closes 12 %.")] {
+            if let Some(control) = &mut d.gap.control {
+                control.closed = closed;
+            }
+            let page = body("knee", &d);
+            assert!(page.contains("<td>noise and floor</td>") && page.contains(told), "{page}");
+        }
+        // where the error does not fall, what a control closes of it is no number
+        d.gap.held_out.after = 2.5;
+        let page = body("knee", &d);
+        assert!(page.contains("does not fall with the answer") && !page.contains("As a control"), "{page}");
     }
 
     #[test]
@@ -432,12 +454,12 @@ mod tests {
         let nothing = NotExcluded { effects: vec![], torn: None, log_odds: 0.0 };
         let tears = states(&[torn("PCL", 4.3), nothing.clone()]);
         assert!(!tears.contains("<th>where</th>") && tears.contains("<td>PCL torn</td><td>+4.3</td>"), "{tears}");
-        assert!(tears.contains("<td>nothing</td><td>0.0</td>"), "{tears}");
+        assert!(tears.contains("<td>nothing is missing</td><td>0.0</td>"), "{tears}");
         let part = NotExcluded { effects: vec![lost("ACL", 0.2)], torn: None, log_odds: 0.0 };
         let mixed = states(&[part, torn("PCL", -0.3), nothing]);
         assert!(mixed.contains("<td>PCL torn</td><td>all data sets</td><td>loss 1.00</td><td>-0.3</td>"), "{mixed}");
         assert!(mixed.contains("<td>structure_loss (ACL)</td><td>all data sets</td><td>loss 1.00 ("), "{mixed}");
-        assert!(mixed.contains("<td>nothing</td><td></td><td></td>"), "{mixed}");
+        assert!(mixed.contains("<td>nothing is missing</td><td></td><td></td>"), "{mixed}");
     }
 
     #[test]

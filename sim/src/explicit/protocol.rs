@@ -14,7 +14,8 @@ use crate::protocols::{Leg, Protocol, ProtocolOptions, paths, with_lost};
 use crate::trials::{TrialOptions, chain_flexion};
 use rayon::prelude::*;
 
-/// Runs a protocol to rest at each of its rows, which are those of [`crate::protocols::run`].
+/// Runs a protocol to rest at each of its rows, which are those of [`crate::protocols::run`]. Where the motion of a path is lost, its rows from there on
+/// have no answer; beside the rows stands why the first has none.
 ///
 /// Errors: as [`run`], with the row's name.
 pub fn explicit_protocol(
@@ -23,7 +24,7 @@ pub fn explicit_protocol(
     numbers: &ProtocolOptions,
     steps: &TrialSteps,
     options: &ExplicitOptions,
-) -> Result<Vec<TrialResult>, SimError> {
+) -> Result<(Vec<TrialResult>, Option<SimError>), SimError> {
     let rows = explicit_rows(model, protocol, numbers, steps, options)?;
     let paths = paths(model, protocol, numbers)?;
     with_lost(rows, paths.iter().flatten().map(|leg| &leg.trial), model.bundle_names().len())

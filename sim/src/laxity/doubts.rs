@@ -80,12 +80,14 @@ fn more(trials: &[LaxityTrial], known: &[SignDoubt]) -> Vec<SignDoubt> {
     let mut found: Vec<SignDoubt> = super::flexion::doubt(trials).into_iter().collect();
     found.extend(pose_zero(trials));
     found.extend(super::order::unloaded_differ(trials));
-    found.extend(super::order::loaded_neutral(trials));
+    let tares: Vec<SignDoubt> = LEAST_TARE.iter().filter_map(|limit| tare(trials, *limit)).collect();
+    // a load that all trials have makes no test of a neutral one
+    found.extend(super::order::loaded_neutral(trials).filter(|_| tares.is_empty()));
     found.extend(super::numbers::doubts(trials));
     found.extend(super::stated::doubts(trials));
     found.extend(super::outliers::doubts(trials));
     found.extend(no_compression(trials));
-    found.extend(LEAST_TARE.iter().filter_map(|limit| tare(trials, *limit)));
+    found.extend(tares);
     found.extend(LEAST_LOAD.iter().filter_map(|limit| small_load(trials, *limit)));
     found.extend([VV, IE, AP].into_iter().filter_map(|c| unlike_loads(trials, c)));
     found.extend(LEAST_MOTION.iter().filter_map(|limit| small_motion(trials, *limit)));

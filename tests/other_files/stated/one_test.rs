@@ -1,7 +1,17 @@
 //! Laxity files in which one position or one test is otherwise than the rest: a sign, a unit; and thousands among decimal commas.
 
 use super::super::tables::{laxity, plain};
-use super::{BUILT, good, refused, said, text, with_column};
+use super::{good, refused, said, text, with_column};
+use crate::common::build_model;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+/// A phantom as the program writes it, with its laxity.
+static MEASURED: LazyLock<TempDir> = LazyLock::new(|| {
+    let folder = TempDir::new().unwrap();
+    build_model().args(["phantom", "S192803-phantom"]).arg(folder.path().join("knee")).assert().success();
+    folder
+});
 
 /// The table with cells changed, by test, flexion and number of the column.
 fn changed(change: impl Fn(&str, f64, usize, f64) -> f64) -> String {
@@ -75,7 +85,7 @@ fn loads_of_one_test_in_another_unit_are_told_by_its_name() {
 
 /// A laxity file of the phantom with one column's readings divided in the rows that are meant, by test and flexion.
 fn phantom_with(file: &str, column: &str, divided: f64, meant: impl Fn(&str, &str) -> bool) -> String {
-    let table = text(&BUILT.path().join("laxity").join(file));
+    let table = text(&MEASURED.path().join("knee/laxity").join(file));
     let at = table.lines().next().unwrap().split(',').position(|name| name == column).unwrap();
     let line = |line: &str| {
         let mut cells: Vec<String> = line.split(',').map(String::from).collect();

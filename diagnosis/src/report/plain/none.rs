@@ -21,15 +21,11 @@ pub(super) fn nothing(d: &Diagnosis) -> String {
 
 /// Of `none`: structures that the data want slacker, which may be torn, and tears that such trials would not have named.
 pub(super) fn open_tears(d: &Diagnosis) -> String {
-    let is_better = !fits_best(&d.not_excluded, d.best_log_bayes_factor).is_empty();
     let mut out = String::new();
     let (slack, open): (Vec<&MayBeTorn>, Vec<&MayBeTorn>) = d.may_be_torn.iter().partition(|t| t.is_slackened());
     for (k, t) in slack.iter().enumerate() {
-        let lead = match (k, is_better) {
-            (0, true) => "The model fits",
-            (0, false) => "But the model fits",
-            _ => "And it fits",
-        };
+        // the test that would tell stands before it, so it is no "but" to the first sentence
+        let lead = if k == 0 { "The model fits" } else { "And it fits" };
         let _ = write!(out, "\n{lead} only with {}", slackened(t));
     }
     out += &missed_tears(&open, d.threshold);

@@ -14,6 +14,9 @@ use std::fmt::Write;
 /// What each map, bar and column is of.
 const RECALIBRATED: &str = "ligaments recalibrated";
 const ANSWERED: &str = "with the answer";
+/// What noise and floor leave, and the same where the error is as low.
+const FLOOR: &str = "noise and floor";
+const AS_LOW: &str = "noise and floor: so much or more";
 
 /// Whether there is an answer to show. Where nothing is named, what a diagnosis has as "with the answer" is what it has without.
 fn has_answer(d: &Diagnosis) -> bool {
@@ -92,7 +95,9 @@ pub(super) fn bars(out: &mut String, d: &Diagnosis) {
         "<h2>{shrink} on trials that no calibration had seen</h2><p class=\"note\">Mean square over scatter; whole conditions left out in turn.</p><table>"
     );
     let widest = g.before.max(g.after).max(g.floor).max(1e-9);
-    let mut bars = vec![(RECALIBRATED, g.before), (ANSWERED, g.after), ("noise and floor", g.floor)];
+    // a floor is cut off at the error with the answer, or with nothing added where there is none
+    let least = if g.floor >= g.after { AS_LOW } else { FLOOR };
+    let mut bars = vec![(RECALIBRATED, g.before), (ANSWERED, g.after), (least, g.floor)];
     let mut by_coordinate = vec![(RECALIBRATED, &g.rmse_before), (ANSWERED, &g.rmse_after)];
     if !has_answer(d) {
         bars.retain(|(name, _)| *name != ANSWERED);
@@ -127,14 +132,18 @@ pub(super) fn bars(out: &mut String, d: &Diagnosis) {
 fn shrinks(out: &mut String, d: &Diagnosis) {
     let g = &d.gap.held_out;
     if g.after >= g.before {
-        *out += "<p>The error does not fall with the answer: these trials do not speak for it.";
-    } else {
-        let (falls, closed) = (fixed(g.before - g.after, 2), fixed(100.0 * g.closed, 0));
-        let _ = write!(out, "<p>The error falls by {falls}: {closed} % of what noise and floor let it fall.");
+        *out += "<p>The error does not fall with the answer: these trials do not speak for it.</p>";
+        return;
     }
+    let (falls, closed) = (fixed(g.before - g.after, 2), fixed(100.0 * g.closed, 0));
+    let _ = write!(out, "<p>The error falls by {falls}: {closed} % of what noise and floor let it fall.");
     if let Some(c) = &d.gap.control {
-        let closed = fixed(100.0 * c.closed, 0);
-        let _ = write!(out, " As a control, {} closes {closed} %.", escaped(&c.effect));
+        let closes = if c.closed < 0.0 {
+            "nothing: the error grows with it".to_owned()
+        } else {
+            format!("{} %", fixed(100.0 * c.closed, 0))
+        };
+        let _ = write!(out, " As a control, {} closes {closes}.", escaped(&c.effect));
     }
     *out += "</p>";
 }
@@ -154,12 +163,16 @@ pub(super) fn forces(out: &mut String, d: &Diagnosis) {
     }
     let _ = write!(
         out,
-        "<h2>What the ligaments carry [N]: recalibrated, with the answer</h2><p class=\"note\">Under {:.0} N of compression, without friction; with the answer at its likeliest size, also where it may be a tear. Effects of the specimen and of the session act here where they are in all data sets; those of an apparatus or of one data set alone do not. Below {:.0} N left out.</p><table><tr><th>ligament</th>",
+        "<h2>What the ligaments carry [N]</h2><p class=\"note\">Under {:.0} N of compression, without friction; with the answer at its likeliest size, also where it may be a tear. Effects of the specimen and of the session act here where they are in all data sets; those of an apparatus or of one data set alone do not. Below {:.0} N left out.</p><table><tr><th>ligament</th>",
         ProtocolOptions::default().compression_n,
         LEAST_N
     );
     for test in &tests {
         let _ = write!(out, "<th colspan=\"2\">{}</th>", escaped(test));
+    }
+    *out += "</tr><tr><th></th>";
+    for _ in &tests {
+        let _ = write!(out, "<th>recalibrated</th><th>{ANSWERED}</th>");
     }
     *out += "</tr>";
     for (ligament, by) in &rows {
@@ -179,15 +192,13 @@ pub(super) fn forces(out: &mut String, d: &Diagnosis) {
 
 /// The ligaments' parameters as given and recalibrated, and with the answer.
 pub(super) fn ligaments(out: &mut String, d: &Diagnosis) {
-    let (title, column) = if has_answer(d) {
-        ("What the ligaments had taken up", format!("<th>{ANSWERED}</th>"))
+    let (title, columns) = if has_answer(d) {
+        ("What the ligaments had taken up", format!("<th>{ANSWERED}</th><th>sd {ANSWERED}</th>"))
     } else {
-        ("What the recalibration changed of the ligaments", String::new())
+        ("What the recalibration changed of the ligaments", "<th>sd</th>".to_owned())
     };
-    let _ = write!(
-        out,
-        "<h2>{title}</h2><table><tr><th>parameter</th><th>given</th><th>recalibrated</th>{column}<th>sd</th></tr>"
-    );
+    let _ =
+        write!(out, "<h2>{title}</h2><table><tr><th>parameter</th><th>given</th><th>recalibrated</th>{columns}</tr>");
     for l in &d.ligaments {
         let with = if has_answer(d) { format!("<td>{:.3}</td>", l.with) } else { String::new() };
         let _ = write!(

@@ -1,13 +1,18 @@
 //! Whether the loads of one flexion, or the place of the tibia there, are in another unit than at the other flexions.
 
 use crate::coordinate::{AP, Coordinate, IE, SI, VV};
+use crate::laxity::motion::USUAL_SI_MM;
 use crate::laxity::{LaxityTrial, SignDoubt, Test};
 use std::collections::BTreeMap;
 
-/// Loads of a flexion below this share of the others', under which the knee moves by more than that share of its motion there, are of another unit [-].
-/// In 173 files of published and simulated knees a load of 0.25 of the others moves a knee by 0.16. Ours.
+/// Loads of a flexion are below this share of the others' where they may be in another unit [-], and move the knee by more than that share of its motion at
+/// the others. In 173 files of published and simulated knees a load of 0.25 of the others moves a knee by 0.16. A knee that is loose at first may move by
+/// 0.7. Ours.
 const LEAST_LOAD: f64 = 0.25;
-const LEAST_MOTION: f64 = 0.6;
+const LEAST_MOTION: f64 = 0.75;
+/// The others' load is within this factor of what the smaller one would be in the other unit [-]; ours: a laboratory means one load at all flexions.
+/// 1 N m beside 5 N m is no unit's factor.
+const ALIKE: f64 = 1.1;
 /// SI at a flexion lies nearer to 0 than this share of where it is at the others, throughout [-]: in those files it has 0.57 and more. Ours.
 const NEAR_ZERO: f64 = 0.25;
 /// Trials of a flexion from which on it is compared: of one test's coordinate, and of all.
@@ -44,19 +49,27 @@ fn loads(poses: &[&LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
         (of.len() >= LEAST_OWN && load > 0.0).then_some([load, high - low])
     };
     let all: BTreeMap<i64, [f64; 2]> = all.iter().filter_map(|(at, of)| Some((*at, one(of)?))).collect();
+    let units = if c.turns() { &MOMENTS[..] } else { &FORCES[..] };
     let small = |(at, here): (&i64, &[f64; 2])| {
         let others = |k: usize| middle(all.iter().filter(|(other, _)| *other != at).map(|(_, v)| v[k]).collect());
-        let [load, motion] = [others(0)?, others(1)?];
-        (here[0] < LEAST_LOAD * load && here[1] > LEAST_MOTION * motion).then_some((*at, here[0], load))
+        let there = [others(0)?, others(1)?];
+        let (unit, factor) = nearest(units, there[0] / here[0])?;
+        let is_unit = (there[0] / here[0] / factor).ln().abs() < ALIKE.ln();
+        let is_small = here[0] < LEAST_LOAD * there[0] && here[1] > LEAST_MOTION * there[1];
+        (is_small && is_unit).then_some((*at, *here, there, unit))
     };
-    let (at, here, others) = all.iter().find_map(small)?;
-    let unit = nearest(if c.turns() { &MOMENTS[..] } else { &FORCES[..] }, others / here);
+    let (at, here, there, unit) = all.iter().find_map(small)?;
     Some(SignDoubt {
         column: c.load_column(),
         words: format!(
-            "{} is at most {here:.2} {n} at {at} deg, and {others:.1} {n} at the other flexions, where the knee moves no farther: maybe it is in {unit} there. Expected one unit in the whole column: look at the record, and write it in {n} if so",
+            "{} is at most {:.2} {n} at {at} deg, and {:.1} {n} at the other flexions, and the knee moves by {:.1} {m} there and by {:.1} {m} at the others: maybe it is in {unit} there. Expected one unit in the whole column: look at the record, and write it in {n} if so",
             c.load_column(),
-            n = c.load_unit()
+            here[0],
+            there[0],
+            here[1],
+            there[1],
+            n = c.load_unit(),
+            m = c.unit()
         ),
     })
 }
@@ -69,22 +82,25 @@ fn place(poses: &[&LaxityTrial]) -> Option<SignDoubt> {
         let rest = all.iter().filter(|(other, _)| *other != at);
         let others = middle(rest.filter_map(|(_, of)| middle(of.clone())).collect())?;
         let most = here.iter().copied().fold(0.0, f64::max);
-        (most < NEAR_ZERO * others).then(|| Some((*at, middle(here.clone())?, others)))?
+        let middle_here = middle(here.clone())?;
+        let (unit, _) = nearest(&LENGTHS, others / middle_here)?;
+        // another doubt tells of SI that counts from another zero at all flexions
+        let is_usual = (-USUAL_SI_MM[1]..=-USUAL_SI_MM[0]).contains(&others);
+        (most < NEAR_ZERO * others && is_usual).then_some((*at, middle_here, others, unit))
     };
-    let (at, here, others) = all.iter().find_map(small)?;
+    let (at, here, others, unit) = all.iter().find_map(small)?;
     Some(SignDoubt {
         column: SI.column(),
         words: format!(
-            "si_mm lies {here:.2} mm from 0 at {at} deg, and {others:.1} mm at the other flexions: maybe it is in {} there, or counted from another zero. Expected the place of the tibia's origin in the femur's frame, in mm throughout",
-            nearest(&LENGTHS, others / here)
+            "si_mm lies {here:.2} mm from 0 at {at} deg, and {others:.1} mm at the other flexions: maybe it is in {unit} there, or counted from another zero. Expected the place of the tibia's origin in the femur's frame, in mm throughout"
         ),
     })
 }
 
-/// The unit whose factor is nearest to this one.
-fn nearest(units: &[(&'static str, f64)], factor: f64) -> &'static str {
+/// The unit whose factor is nearest to this one, with its factor.
+fn nearest(units: &[(&'static str, f64)], factor: f64) -> Option<(&'static str, f64)> {
     let off = |of: f64| (factor / of).ln().abs();
-    units.iter().min_by(|a, b| off(a.1).total_cmp(&off(b.1))).map_or("", |(unit, _)| *unit)
+    units.iter().copied().min_by(|a, b| off(a.1).total_cmp(&off(b.1)))
 }
 
 /// The middle of a list; none of an empty one, nor where it is nothing.

@@ -13,17 +13,19 @@ struct Scale {
     share: f64,
     /// Readings lie no further from 0 than this, once they are in mm or deg.
     farthest: f64,
+    /// The coordinate's own tests move a knee by no more than this at a flexion, once they are in mm or deg.
+    widest: f64,
     /// The others vary by this much and more: over all of a test, and at a flexion [mm] or [deg].
     least: [f64; 2],
 }
 
 /// All limits are ours. They were tried on 173 files of published and simulated knees, cut ones among them. A test varies by 0.12 (VV), 0.17 (IE) and
 /// 0.49 (AP) of the others at the least, and a flexion by 0.23, 0.33 and 0.32. A degree read from radians is 0.017 of itself; a millimetre read from
-/// inches is 0.04 and from cm 0.1.
+/// inches is 0.04 and from cm 0.1. Knees without a cruciate move by up to 30 mm and 104 deg at a flexion, and others by up to 30 deg VV.
 const SCALES: [Scale; 3] = [
-    Scale { of: VV, units: &RADIANS, share: 0.09, farthest: 30.0, least: [0.7, 1.0] },
-    Scale { of: IE, units: &RADIANS, share: 0.09, farthest: 60.0, least: [3.0, 3.0] },
-    Scale { of: AP, units: &LENGTHS, share: 0.2, farthest: 40.0, least: [5.0, 2.0] },
+    Scale { of: VV, units: &RADIANS, share: 0.09, farthest: 30.0, widest: 45.0, least: [0.7, 1.0] },
+    Scale { of: IE, units: &RADIANS, share: 0.09, farthest: 60.0, widest: 110.0, least: [3.0, 3.0] },
+    Scale { of: AP, units: &LENGTHS, share: 0.2, farthest: 40.0, widest: 38.0, least: [5.0, 2.0] },
 ];
 const RADIANS: [(&str, f64); 1] = [("radians", 57.295_779_513_082_32)];
 const LENGTHS: [(&str, f64); 2] = [("cm", 10.0), ("inches", 25.4)];
@@ -76,7 +78,7 @@ fn of_a_test(all: &[Reading], scale: &Scale) -> Vec<Small> {
         let rest = tests.iter().filter(|(other, _)| *other != test);
         let others = middle(rest.map(|(_, of)| span(of.iter().map(|r| r.value))).collect())?;
         let varies = span(of.iter().map(|r| r.value));
-        let unit = scale.unit(varies / others, of.iter().map(|r| r.value))?;
+        let unit = scale.unit(varies / others, all, |r| r.test == *test)?;
         let part = format!("in the {} trials", test.name());
         (own && others >= scale.least[0]).then_some(Small { part, varies, others, unit })
     };
@@ -103,7 +105,7 @@ fn of_a_flexion(all: &[Reading], scale: &Scale) -> Vec<Small> {
         // a knee may be stiff in one of them; a unit makes all of them less
         let shares = [here.own / own, here.by_load / others(|v| v.by_load)?, here.coupled / others(|v| v.coupled)?];
         let share = shares.into_iter().fold(0.0, f64::max);
-        let unit = scale.unit(share, all.iter().filter(|r| r.at == *at).map(|r| r.value))?;
+        let unit = scale.unit(share, all, |r| r.at == *at)?;
         let part = format!("at {at} deg");
         (own >= scale.least[1]).then_some(Small { part, varies: here.own, others: own, unit })
     };
@@ -122,14 +124,24 @@ fn at_flexion(all: &[Reading], at: i64, c: Coordinate) -> Option<AtFlexion> {
 }
 
 impl Scale {
-    /// The unit in which readings that vary by this share of the others would vary most as those do; none where the share is no unit's, or where they
-    /// would lie beyond any knee's then.
-    fn unit(&self, share: f64, values: impl Iterator<Item = f64>) -> Option<&'static str> {
-        let most = values.map(f64::abs).fold(0.0, f64::max);
+    /// The unit in which a part's readings would vary most as the others do, by the share of these that they vary by; none where the share is no unit's,
+    /// or no knee would be so in that unit.
+    fn unit(&self, share: f64, all: &[Reading], is_part: impl Fn(&Reading) -> bool) -> Option<&'static str> {
         let is_small = share > 0.0 && share < self.share;
-        let fits = self.units.iter().filter(|(_, factor)| is_small && most * factor <= self.farthest);
+        let fits = self.units.iter().filter(|(_, factor)| is_small && self.is_a_knee(all, &is_part, *factor));
         let off = |factor: f64| (share * factor).ln().abs();
         fits.min_by(|a, b| off(a.1).total_cmp(&off(b.1))).map(|(unit, _)| *unit)
+    }
+
+    /// Whether a knee may lie and move so, if a part's readings are this many times what they are: a ligament that is torn makes one test small
+    /// beside its fellow, and in another unit that test would be wider than any knee's.
+    fn is_a_knee(&self, all: &[Reading], is_part: impl Fn(&Reading) -> bool, factor: f64) -> bool {
+        let most = all.iter().filter(|r| is_part(r)).map(|r| factor * r.value.abs()).fold(0.0, f64::max);
+        let mut flexions: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
+        for r in all.iter().filter(|r| r.test.coordinate() == Some(self.of)) {
+            flexions.entry(r.at).or_default().push(if is_part(r) { factor * r.value } else { r.value });
+        }
+        most <= self.farthest && flexions.into_values().all(|of| span(of.into_iter()) <= self.widest)
     }
 }
 
