@@ -245,7 +245,7 @@ pub(super) static STRUCTS: &[Table] = &[
 ("pivot_flexion_deg", "f64", "Pivot shift: flexion [deg]; [andreassen2025, section 2.6.4]."),
 ("pivot_valgus_nm", "f64", "Pivot shift: valgus moment [N m]; [andreassen2025, section 2.6.4]."),
 ("pivot_internal_nm", "f64", "Pivot shift: internal moment [N m]; [andreassen2025, section 2.6.4]."),
-("pivot_dislocation_ap_mm", "f64", "Pivot shift: AP further than this from the CT pose is a dislocation [mm]; half the depth of a plateau, so that a contact that was in its middle has come to its rim. The paper calls AP of 21.6 and 23.1 mm dislocated, of 8.1 mm not [andreassen2025, table 6]."),
+("pivot_dislocation_ap_mm", "f64", "Pivot shift: AP further than this from the CT pose is a dislocation [mm]; [`HALF_PLATEAU_MM`]. The paper calls AP of 21.6 and 23.1 mm dislocated, of 8.1 mm not [andreassen2025, table 6]."),
 ("samples", "usize", "Samples of the posterior by which intervals of a calibrated model's answers are told [-]; 0 leaves them out; ours."),
 ("solver", "Solver", "By which solver the knee's rows are told: explicit or quasistatic. With the explicit one the quasi-static answer stands beside it; ours."),
 ("agree", "Agreement", "How far apart both solvers may lie before a row is flagged."),

@@ -183,6 +183,11 @@ class Check:
             time.sleep(0.1)
         return False
 
+    def wait_for(self, holds, seconds=60):
+        end = time.time() + seconds
+        while not holds() and time.time() < end:
+            time.sleep(0.1)
+
     def settle(self):
         self.wait("return !document.querySelector('[data-busy]')")
         self.browser.run("return new Promise(r => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(r)), 60))")
@@ -190,7 +195,13 @@ class Check:
     def view(self, scene):
         """A small picture of the scene's 3D view alone."""
         self.settle()
-        clip = self.browser.run("const r=document.querySelector(`[data-scene='${arguments[0]}'] .plot`).getBoundingClientRect(); return {x: r.x + scrollX, y: r.y + scrollY, width: r.width, height: r.height, scale: 0.3}", scene)
+        # a view that was out of sight for a moment is taken down, and drawn anew
+        there = "const p=document.querySelector(`[data-scene='${arguments[0]}'] .plot`); if (!p) return null; const r=p.getBoundingClientRect(); return {x: r.x + scrollX, y: r.y + scrollY, width: r.width, height: r.height, scale: 0.3}"
+        clips = []
+        self.wait_for(lambda: clips.append(self.browser.run(there, scene)) or clips[-1])
+        clip = clips[-1]
+        if clip is None:
+            raise Refused(f"{scene}: its view is not drawn after 60 s")
         return base64.b64decode(self.browser.ask("/goog/cdp/execute", {"cmd": "Page.captureScreenshot", "params": {"clip": clip, "captureBeyondViewport": True}})["data"])
 
     def view_when(self, scene, holds, seconds=30):
