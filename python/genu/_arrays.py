@@ -11,7 +11,7 @@ from typing import Any, Mapping, Sequence
 import numpy as np
 
 from genu._call import Files, absolute, run, toml
-from genu._errors import InputError
+from genu._errors import InputError, in_file, writing
 from genu._tables import table_at
 from genu._types import Array, Path
 
@@ -55,9 +55,12 @@ def written(path: str, name: str, given: SurfaceLike) -> None:
 def copied(given: str, path: str, data: str) -> None:
     """A table's file, as it is."""
     try:
-        shutil.copyfile(given, path)
+        with open(given, "rb") as table:
+            content = table.read()
     except OSError as error:
-        raise InputError(f"laxity.{data}: cannot read {given}: {error.strerror}") from None
+        raise InputError(f"laxity.{data}: cannot read {given}: {error.strerror}", place=in_file(given)) from None
+    with open(path, "wb") as file:
+        file.write(content)
 
 
 def _known(what: str, given: Mapping[str, Any], known: Sequence[str], needed: Sequence[str]) -> None:
@@ -88,6 +91,8 @@ def _checked(given: Given) -> None:
     _known("cartilage", given.cartilage, _CARTILAGE, _CARTILAGE if given.cartilage else ())
     if given.side not in ("left", "right"):
         raise InputError(f"side is {given.side!r}; left or right was expected")
+    if not given.scans and not given.cartilage:
+        raise InputError("neither scans nor cartilage was given, and bones alone do not show cartilage; expected scans={...} or cartilage={...}")
     for data in given.laxity:
         if not data.replace("_", "").replace("-", "").isalnum():
             raise InputError(f"laxity: {data!r} is no name of a data set; letters, digits, _ and - were expected")
@@ -98,19 +103,27 @@ def specimen_of(folder: Path, given: Given) -> tuple[str, str]:
     _checked(given)
     place = absolute(folder)
     if os.path.isdir(place) and os.listdir(place):
-        raise InputError(f"{place} is not empty; give a new folder")
+        raise InputError(f"{place} is not empty; give a new folder", place=in_file(place))
+    if os.path.lexists(place) and not os.path.isdir(place):
+        raise InputError(f"{place} is no folder; give a new one", place=in_file(place))
     made = not os.path.isdir(place)
     try:
-        _write(place, given)
+        with writing(place):
+            _write(place, given)
+        return place, _judged(place)
     except BaseException:
         shutil.rmtree(place, ignore_errors=True)
         if not made:
             os.makedirs(place, exist_ok=True)
         raise
+
+
+def _judged(place: str) -> str:
+    """What a check says. Where an input is at fault, the folder stands as asked for, and the words tell it."""
     try:
-        return place, run("check", place)
-    except InputError as error:  # the folder stands as asked for; what it lacks is told
-        return place, str(error)
+        return run("check", place)
+    except InputError as error:
+        return str(error)
 
 
 def _write(place: str, given: Given) -> None:

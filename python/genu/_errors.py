@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Mapping, Optional
+from contextlib import contextmanager
+from typing import Any, Iterator, Mapping, Optional
 
 # File, row and column, as far as they are known.
 Place = tuple[Optional[str], Optional[int], Optional[str]]
@@ -63,6 +64,20 @@ class MachineError(GenuError, OSError):
     """The machine does not give what is needed: a full disk, a folder that may not be written, a lock that another build holds."""
 
     code = "machine"
+
+
+@contextmanager
+def writing(place: str) -> Iterator[None]:
+    """What the machine refuses while a file or folder at ``place`` is written, as a MachineError."""
+    try:
+        yield
+    except GenuError:
+        raise
+    except OSError as error:
+        words = f"cannot write {place}: {error.strerror or error}; see to the disk and the rights, and call again"
+        told = MachineError(words, place=in_file(place))
+        told.errno = error.errno
+        raise told from None
 
 
 class OptionError(GenuError, ValueError):

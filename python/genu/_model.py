@@ -12,7 +12,7 @@ import numpy as np
 
 from genu import _errors, _genu
 from genu._call import Files, as_html, wanted
-from genu._errors import InputError, in_file
+from genu._errors import InputError, in_file, writing
 from genu._meshes import Surface, read_surface
 from genu._samples import frame_of_samples, samples_at
 from genu._types import Floats, Frame, Path
@@ -204,6 +204,8 @@ class Model:
         ------
         InputError
             A number or a name in ``spec`` is none that a model.json may have; at ``path`` there is something else than a file.
+        MachineError
+            The disk is full, or the folder may not be written.
         """
         place = os.path.abspath(os.fspath(path))
         if not place.endswith(".json"):
@@ -213,14 +215,16 @@ class Model:
         if os.path.lexists(place) and (os.path.islink(place) or not os.path.isfile(place)):
             raise InputError(f"{place} is no regular file; nothing was written there, name another file", place=in_file(place))
         folder = os.path.dirname(place)
-        os.makedirs(folder, exist_ok=True)
+        with writing(folder):
+            os.makedirs(folder, exist_ok=True)
         own, there = os.path.realpath(self.folder), os.path.realpath(folder)  # links would break the way up
         text = _genu.moved(self._text(), own, there, _errors.made)
         temporary = f"{place}.{secrets.token_hex(4)}.tmp"
         try:
-            with open(temporary, "x", encoding="utf-8") as file:
-                file.write(text)
-            os.replace(temporary, place)
+            with writing(place):
+                with open(temporary, "x", encoding="utf-8") as file:
+                    file.write(text)
+                os.replace(temporary, place)
         finally:
             if os.path.lexists(temporary):
                 os.remove(temporary)

@@ -134,11 +134,15 @@ class Specimen:
         Raises
         ------
         InputError
-            A name that is not known, an array of another shape, a face of a vertex that is not there, a folder with something in it.
+            A name that is not known, an array of another shape, a face of a vertex that is not there, neither scans nor
+            cartilage, a folder with something in it. Nothing is left behind.
+        MachineError
+            The disk is full, or the folder may not be written.
 
         Examples
         --------
-        >>> knee = genu.Specimen.from_arrays("knee1", side="left", bones={"femur": (v, f), "tibfib": tibia})  # doctest: +SKIP
+        >>> bones = {"femur": (vertices, faces), "tibfib": tibia}  # doctest: +SKIP
+        >>> knee = genu.Specimen.from_arrays("knee1", side="left", bones=bones, scans=scans)  # doctest: +SKIP
         """
         return cls(*specimen_of(folder, Given(side, name, bones, scans or {}, cartilage or {}, landmarks or {}, laxity or {})))
 

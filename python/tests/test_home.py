@@ -1,5 +1,6 @@
 """What Python's users expect: forks, threads, models that answer at once, notebooks, specimens and cohorts."""
 
+import errno
 import json
 import multiprocessing
 import os
@@ -222,6 +223,10 @@ def bones_of(build):
     return {"femur": build.surface("bones", "femur"), "tibfib": build.surface("bones", "tibfib")}
 
 
+def cartilage_of(build):
+    return {part: build.surface("cartilage", part) for part in ("femur", "tibia_medial", "tibia_lateral")}
+
+
 def test_a_specimen_is_made_of_arrays(build, measured, tmp_path):
     bones = bones_of(build)
     femur, tibfib = bones["femur"], bones["tibfib"]
@@ -229,7 +234,7 @@ def test_a_specimen_is_made_of_arrays(build, measured, tmp_path):
         tmp_path / "knee",
         side="left",
         bones={"femur": femur, "tibfib": (tibfib.vertices, tibfib.faces.astype("uint16"))},
-        cartilage={part: build.surface("cartilage", part) for part in ("femur", "tibia_medial", "tibia_lateral")},
+        cartilage=cartilage_of(build),
         landmarks={"a point of the femur": femur.vertices[0]},
         laxity={"kla": measured},
     )
@@ -242,18 +247,48 @@ def test_a_specimen_is_made_of_arrays(build, measured, tmp_path):
 
 
 def test_arrays_of_no_surface_are_told_and_nothing_is_left(build, tmp_path):
-    bones = bones_of(build)
-    femur = bones["femur"]
-    for wrong, words in [
-        ((femur.vertices[:, :2], femur.faces), r"bones|ct.femur.*\(n, 3\)"),
+    bones, place = bones_of(build), tmp_path / "knee"
+    femur, cartilage = bones["femur"], cartilage_of(build)
+    whole = {"side": "left", "bones": bones, "cartilage": cartilage}
+    wrong_femurs = [
+        ((femur.vertices[:, :2], femur.faces), r"ct.femur.*\(n, 3\)"),
         ((femur.vertices, femur.faces + len(femur.vertices)), "faces name vertices"),
         ((np.full_like(femur.vertices, np.nan), femur.faces), "finite"),
         (7, "pair of arrays"),
+    ]
+    for wrong, words in [
+        *(({"bones": {**bones, "femur": surface}}, words) for surface, words in wrong_femurs),
+        ({"bones": {"femur": femur}}, "tibfib missing"),
+        ({"bones": {**bones, "fibula": femur}}, "fibula is not known"),
+        ({"cartilage": None}, "neither scans nor cartilage"),
+        ({"scans": {}, "cartilage": {}}, "neither scans nor cartilage"),
+        ({"side": "lefty"}, "left or right"),
+        ({"laxity": {"kla": str(tmp_path / "missing.csv")}}, "cannot read .*missing.csv"),
     ]:
         with pytest.raises(genu.InputError, match=words):
-            genu.Specimen.from_arrays(tmp_path / "knee", side="left", bones={**bones, "femur": wrong})
-        assert not (tmp_path / "knee").exists()
-    with pytest.raises(genu.InputError, match="tibfib missing"):
-        genu.Specimen.from_arrays(tmp_path / "knee", side="left", bones={"femur": femur})
-    with pytest.raises(genu.InputError, match="fibula is not known"):
-        genu.Specimen.from_arrays(tmp_path / "knee", side="left", bones={**bones, "fibula": femur})
+            genu.Specimen.from_arrays(place, **{**whole, **wrong})
+        assert not place.exists(), wrong.keys()
+    place.write_text("a file of somebody's")
+    with pytest.raises(genu.InputError, match="no folder"):
+        genu.Specimen.from_arrays(place, **whole)
+    assert place.read_text() == "a file of somebody's"
+
+
+def test_a_full_disk_is_told_by_what_the_module_itself_writes(build, model, measured, tmp_path):
+    resource = pytest.importorskip("resource")
+    table = tmp_path / "kla.csv"
+    measured.to_csv(table, index=False)
+    given = {"side": "left", "bones": bones_of(build), "cartilage": cartilage_of(build), "laxity": {"kla": table}}
+    before, largest = resource.getrlimit(resource.RLIMIT_FSIZE), 1000
+    for write, name in [
+        (lambda place: genu.Specimen.from_arrays(place, **given), "knee"),
+        (lambda place: model.save(place), "model.json"),
+    ]:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, before[1]))
+        try:
+            with pytest.raises(genu.MachineError, match=f"cannot write .*{name}: .*; see to") as caught:
+                write(tmp_path / name)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        assert caught.value.errno == errno.EFBIG and caught.value.file == str(tmp_path / name)
+        assert sorted(os.listdir(tmp_path)) == ["kla.csv"]

@@ -344,7 +344,7 @@ mod tests {
 
     #[test]
     fn complaints_name_row_and_column() {
-        assert!(error("").contains("missing column trial"));
+        assert!(error("").contains("the file is empty"));
         assert!(error(HEADER).contains("no trial"));
         assert!(error(&HEADER.replace("ml_mm", "ml_m")).contains("column 12: unknown column \"ml_m\""));
         assert!(error(&HEADER.replace(",si_mm", "")).contains("missing column si_mm"));
