@@ -542,7 +542,12 @@ fn words(e: &std::io::Error) -> String {
     match e.kind() {
         std::io::ErrorKind::NotFound => "no such file".into(),
         std::io::ErrorKind::PermissionDenied => "no permission".into(),
-        std::io::ErrorKind::StorageFull => "the disk is full; free some space or give --out on another disk".into(),
+        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+            "the disk is full; free some space or give --out on another disk".into()
+        }
+        std::io::ErrorKind::FileTooLarge => {
+            "the file would be larger than this machine allows (ulimit -f); raise that limit or give --out on another disk".into()
+        }
         _ => e.to_string(),
     }
 }
