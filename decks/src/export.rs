@@ -82,7 +82,7 @@ pub fn export_with(
         files.push((name.clone(), main_file(spec, &protocol)?));
         mains.push(name);
     }
-    warnings.extend(without_quadriceps(trials));
+    warnings.extend(without_quadriceps(trials, "decks are without it, as no deck has a patella"));
     Ok(ExportedDeck { files, mains, warnings })
 }
 
@@ -120,11 +120,10 @@ pub(crate) fn free_name(stem: &str, taken: &[String]) -> String {
     std::iter::once(format!("{stem}.inp")).chain(numbered).find(is_free).unwrap_or_default()
 }
 
-/// What is said of trials in which the quadriceps pull.
-fn without_quadriceps(trials: &[LaxityTrial]) -> Option<Notice> {
+/// What is said of trials in which the quadriceps pull, and of their files: no other program's file has that pull.
+pub fn without_quadriceps(trials: &[LaxityTrial], files: &str) -> Option<Notice> {
     let pulled = trials.iter().filter(|t| t.quadriceps_n != 0.0).count();
-    let text =
-        format!("{pulled} trials have a pull of the quadriceps; their decks are without it, as no deck has a patella");
+    let text = format!("{pulled} trials have a pull of the quadriceps; their {files}");
     (pulled > 0).then(|| Kind::NotInFormat.notice(text).count(pulled))
 }
 

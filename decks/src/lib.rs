@@ -24,6 +24,7 @@ mod import;
 mod imposed;
 pub mod keyword;
 pub mod known;
+mod laws;
 mod ligaments;
 mod lines;
 pub mod model;
@@ -37,7 +38,7 @@ mod tree;
 mod usual;
 mod variant;
 
-pub use export::{ExportedDeck, export, export_with};
+pub use export::{ExportedDeck, export, export_with, without_quadriceps};
 pub use import::{ImportedDeck, import};
 pub use imposed::{Imposed, ImposedPoint, ImposedStep, imposed};
 pub use names::written_names;

@@ -2,9 +2,11 @@
 
 use super::bodies::{Bodies, position};
 use super::expression::lookup;
+use super::laws::{LEAST_END, between};
 use super::model::{Behaviour, Connector, DeckModel, Element};
 use crate::DeckError;
 use notices::{Kind, Notice};
+use sim::SimError;
 use sim::spec::{BundleSpec, FibreSpec, Law};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -38,6 +40,10 @@ const TOE_STRAIN: f64 = 0.03;
 
 /// A force in compression below this share of the table's largest is rounding [-]. Ours.
 const LEAST_PUSH: f64 = 1e-6;
+/// Parts of the line between two rows, at whose ends a law is compared with it [-]. Ours: between the points at which the laws are one, too.
+const PARTS: usize = 8;
+/// A table's end this near a whole number of toes is that number [-]: tables are written with a few digits. Ours.
+const WHOLE: f64 = 1e-6;
 /// Types of the elements that are read as fibres: axial connectors, and springs along the line between two nodes.
 const CONNECTOR: &str = "CONN3D2";
 const SPRING: &str = "SPRINGA";
@@ -147,7 +153,7 @@ fn read_bundle(
             bundle.stiffness_n_per_mm
         )).of(&name));
     }
-    out.toe_end_multiple.insert(name, multiple);
+    out.toe_end_multiple.extend(multiple.map(|m| (name, m)));
     out.bundles.push(bundle);
     Ok(())
 }
@@ -252,7 +258,7 @@ fn bundle(
     fibres: usize,
     parameters: &BTreeMap<String, f64>,
     warnings: &mut Vec<Notice>,
-) -> Result<(BundleSpec, f64), DeckError> {
+) -> Result<(BundleSpec, Option<f64>), DeckError> {
     let table = &behaviour.elastic;
     let bad = |what: &str| DeckError::whole(format!("{name}: force table {what}; expected slack, toe, line"));
     if table.is_empty() {
@@ -280,14 +286,12 @@ fn bundle(
         reference_length_mm: near(length, stated("L")).unwrap_or(length),
         toe_strain,
         damping_n_s_per_mm: sim::spec::fibre_damping(),
-        law: if table.iter().filter(|p| p[1] > d0 && p[1] < d0 + 1.999 * toe).count() <= 3 {
-            Law::Tabular
-        } else {
-            Law::Smooth
-        },
+        law: Law::Smooth,
     };
-    let law = sim::ligament::of_fibres(&BundleSpec { law: Law::Smooth, ..spec.clone() }, fibres, None)
-        .map_err(|e| DeckError::whole(e.to_string()))?;
+    let end = end_of(name, (last[1] - d0) / toe, warnings);
+    let wrong = |e: SimError| DeckError::whole(e.to_string());
+    let spec = BundleSpec { law: nearest(&spec, fibres, end, &table[slack..]).map_err(wrong)?, ..spec };
+    let law = sim::ligament::of_fibres(&spec, fibres, end).map_err(wrong)?;
     let off = table[slack..].iter().map(|p| (p[0] - law.response(p[1] - d0).force).abs()).fold(0.0, f64::max);
     if off > 1e-6 * last[0] {
         warnings.push(
@@ -296,7 +300,35 @@ fn bundle(
                 .of(name),
         );
     }
-    let multiple = (last[1] - d0) / toe;
+    Ok((spec, end))
+}
+
+/// Where a table ends, as a law can have it; what is told of one that ends before its line is well begun.
+fn end_of(name: &str, multiple: f64, warnings: &mut Vec<Notice>) -> Option<f64> {
     let whole = multiple.round();
-    Ok((spec, if (multiple - whole).abs() < 1e-6 { whole } else { multiple }))
+    let multiple = if (multiple - whole).abs() < WHOLE { whole } else { multiple };
+    if multiple >= LEAST_END {
+        return Some(multiple);
+    }
+    let text = format!(
+        "{name}: the deck's force table ends {multiple:.2} toes behind slack, and its force stays there; here it grows on, as ligaments do"
+    );
+    warnings.push(Kind::ForceTable.notice(text).of(name));
+    None
+}
+
+/// The law that departs least from the lines between the rows of a table from slack on.
+///
+/// Errors: numbers that no bundle has.
+fn nearest(spec: &BundleSpec, fibres: usize, end: Option<f64>, rows: &[[f64; 2]]) -> Result<Law, SimError> {
+    let mut found = (f64::INFINITY, spec.law);
+    for law in Law::ALL {
+        let tried = sim::ligament::of_fibres(&BundleSpec { law, ..spec.clone() }, fibres, end)?;
+        let off = |[force, at]: [f64; 2]| (force - tried.response(at - rows[0][1]).force).powi(2);
+        let off: f64 = between(rows, PARTS).map(off).sum();
+        if off < found.0 {
+            found = (off, law);
+        }
+    }
+    Ok(found.1)
 }

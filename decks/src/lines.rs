@@ -20,13 +20,14 @@ pub(crate) struct Line {
     pub(crate) stiffness: f64,
     pub(crate) toe_strain: f64,
     pub(crate) damping: f64,
+    pub(crate) law: Law,
     /// Of a law of lines between points: the multiple of the toe from which the force stays.
     pub(crate) end: Option<f64>,
 }
 
 impl Line {
-    /// Stretch, toe, stiffness, damping and the points' end [mm, N/mm, N s/mm, -]: what the fibres of a bundle share.
-    fn law(&self) -> [f64; 5] {
+    /// Stretch, toe, stiffness, damping and the points' end [mm, N/mm, N s/mm, -]: what the fibres of a bundle share beside their law.
+    fn numbers(&self) -> [f64; 5] {
         let end = self.end.unwrap_or(0.0);
         [self.length - self.slack, self.toe_strain * self.slack, self.stiffness, self.damping, end]
     }
@@ -66,8 +67,9 @@ pub(crate) fn bundles(lines: Vec<Line>) -> Bundles {
     let taken: BTreeSet<String> = groups.iter().flat_map(|(_, l)| l).map(|l| l.name.clone()).collect();
     let mut out = Bundles::default();
     for (name, group) in groups {
-        let first = group[0].law();
-        let same = |l: &Line| l.law().iter().zip(&first).all(|(a, b)| (a - b).abs() <= SAME * b.abs().max(1.0));
+        let (law, first) = (group[0].law, group[0].numbers());
+        let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * b.abs().max(1.0);
+        let same = |l: &Line| l.law == law && l.numbers().iter().zip(&first).all(near);
         // a fibre alone is of a bundle where its number stands apart, as in ALS_1
         let apart = |l: &Line| l.name.len() > name.len() && l.name[name.len()..].starts_with('_');
         let whole = group.len() > 1 || apart(&group[0]);
@@ -89,7 +91,7 @@ pub(crate) fn bundles(lines: Vec<Line>) -> Bundles {
 /// A bundle of fibres of one law: the mean of their lengths stands for each.
 fn bundle(name: String, of: &[&Line]) -> BundleSpec {
     let count = of.len() as f64;
-    let [stretch, toe, stiffness, damping, _] = of[0].law();
+    let [stretch, toe, stiffness, damping, _] = of[0].numbers();
     // one fibre keeps its own numbers to the last digit
     let slack = of.iter().map(|l| l.slack).sum::<f64>() / count;
     let length = if of.len() == 1 { of[0].length } else { slack + stretch };
@@ -99,7 +101,7 @@ fn bundle(name: String, of: &[&Line]) -> BundleSpec {
         stiffness_n_per_mm: stiffness * count,
         reference_length_mm: length,
         toe_strain: toe / slack,
-        law: if of[0].end.is_some() { Law::Tabular } else { Law::Smooth },
+        law: of[0].law,
         damping_n_s_per_mm: damping,
     }
 }

@@ -9,7 +9,8 @@ use decks::febio::{elements, import};
 use decks::opensim::Given;
 use decks::{DeckError, ImportedDeck};
 use meshes::frame::Side;
-use sim::spec::{ContactSpec, LayerLaw};
+use sim::ligament::of_fibres;
+use sim::spec::{BundleSpec, ContactSpec, Law as LigamentLaw, LayerLaw, fibre_damping};
 use std::fmt::Write;
 
 fn read_as(text: &str, given: &Given) -> Result<ImportedDeck, DeckError> {
@@ -89,6 +90,38 @@ fn a_fibre_pulls_as_its_curve_says_by_every_measure() {
                     bundle.name
                 );
             }
+        }
+    }
+}
+
+/// A law that the reader does not know would come back as another: here it is found.
+#[test]
+fn a_spring_by_the_table_of_each_law_pulls_by_that_law() {
+    let ends = [[0.0, 2.0, -41.0], [0.0, -79.0, -31.0]];
+    let length = f64::hypot(81.0, 10.0);
+    for law in LigamentLaw::ALL {
+        let spec = BundleSpec {
+            name: "cord".into(),
+            reference_strain: 1.02,
+            stiffness_n_per_mm: STIFFNESS,
+            reference_length_mm: length,
+            toe_strain: 0.03,
+            law,
+            damping_n_s_per_mm: fibre_damping(),
+        };
+        let written = of_fibres(&spec, 1, None).unwrap();
+        let begins = -written.initial_stretch();
+        let table = written.table(40.0).into_iter().map(|[x, f]| [begins + x, f]);
+        let points: Vec<[f64; 2]> = [[begins - 50.0, 0.0]].into_iter().chain(table).collect();
+        let mut knee = knee();
+        knee.spring("cord", ends, "nonlinear spring", &force(&points, "EXTRAPOLATE"));
+        let deck = read(&knee.text()).unwrap();
+        let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
+        let cord = model.bundles.iter().find(|b| b.name == "cord").unwrap();
+        assert_eq!(cord.law, law);
+        for longer in [-3.0, 0.0, 0.6, 1.8, 3.5, 9.0, 30.0] {
+            let [wanted, found] = [&written, cord].map(|b| b.response(longer + b.initial_stretch()).force);
+            assert!((found - wanted).abs() < 1e-6 * (1.0 + wanted), "{law:?} {longer}: {found} {wanted}");
         }
     }
 }

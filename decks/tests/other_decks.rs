@@ -200,6 +200,22 @@ fn springs_between_the_bones_are_a_ligament_and_nothing_like_it_is_lost() {
     assert!(told.is_ok() || told.unwrap_err().to_string().to_lowercase().contains("mcl"));
 }
 
+/// A table that ends before its line is well begun made a model that no program opened.
+#[test]
+fn a_force_table_may_end_anywhere_behind_its_toe() {
+    for toes in [2.5, 3.0, 4.0, 4.0005, 4.5, 10.0] {
+        // a toe of 1 mm, then a line of 60 N/mm from 2 mm on
+        let most = 60.0 * (toes - 1.0);
+        let table = format!("*SPRING, ELSET=ACL_AM, NONLINEAR\n\n0., -10.\n0., 0.\n60., 2.\n{most:?}, {toes:?}\n");
+        let deck = read(springs("SPRINGA", &table).as_bytes()).unwrap();
+        let bundles = sim::ligament::compile(&deck.spec).unwrap().0;
+        let acl = bundles.iter().find(|b| b.name == "ACL_AM").unwrap();
+        assert!((acl.toe_mm() - 1.0).abs() < 1e-9 && (acl.response(2.2).force - 72.0).abs() < 1e-6, "{toes}");
+        let told = notices::texts(&deck.warnings).join("\n");
+        assert_eq!(told.contains("toes behind slack, and its force stays there"), toes < 4.001, "{toes}: {told}");
+    }
+}
+
 #[test]
 fn springs_along_an_axis_and_connectors_of_another_type_are_refused_by_their_line() {
     let table = "*SPRING, ELSET=ACL_AM, NONLINEAR\n3, 3\n0., -10.\n0., 0.\n30., 1.\n120., 2.\n";

@@ -377,6 +377,12 @@ pub(crate) fn bundle(b: &BundleSpec, table_end: Option<f64>) -> Result<Bundle, S
 mod tests {
     use super::*;
 
+    #[test]
+    fn every_law_of_a_file_is_in_the_list_of_laws() {
+        let schema = serde_json::to_value(schemars::schema_for!(Law)).unwrap();
+        assert_eq!(schema["oneOf"].as_array().map(Vec::len), Some(Law::ALL.len()));
+    }
+
     fn bundle(law: Law) -> Bundle {
         Bundle {
             name: "B".into(),

@@ -13,8 +13,8 @@ use std::fmt::Write;
 /// Reference nodes of the bones.
 pub(super) const TIBIA: u64 = 1;
 const FEMUR: u64 = 2;
-/// Where the toe's end lies in multiples of the toe for a law that does not say.
-const TOE_END: f64 = 10.0;
+/// Toes behind slack at which the last line of a table has its first point [-], as in the published decks.
+const LINE_FROM: f64 = 4.0;
 
 /// A line with a node.
 fn node(out: &mut String, label: u64, p: &Point) {
@@ -236,14 +236,14 @@ pub(super) fn ligaments(spec: &ModelSpec) -> Result<String, SimError> {
         }
         let name = &b.name;
         let _ = write!(out, "*NODE\n{nodes}*ELEMENT, TYPE=CONN3D2, ELSET={name}_1D\n{elements}*MPC\n{ties}");
-        force_table(&mut out, b, fibres.len(), spec.toe_end_multiple.get(name).copied().unwrap_or(TOE_END))?;
+        force_table(&mut out, b, fibres.len(), spec.toe_end_multiple.get(name).copied())?;
         sets.push(format!("{name}_1D"));
     }
     let _ = writeln!(out, "*ELSET, ELSET=FIBRES\n{}", sets.join("\n"));
     Ok(out)
 }
 
-fn force_table(out: &mut String, b: &BundleSpec, fibres: usize, multiple: f64) -> Result<(), SimError> {
+fn force_table(out: &mut String, b: &BundleSpec, fibres: usize, end: Option<f64>) -> Result<(), SimError> {
     let n = &b.name;
     let _ = writeln!(out, "*CONNECTOR SECTION, ELSET={n}_1D, BEHAVIOR={n}_BEHAVIOR\nAXIAL,\n*PARAMETER");
     for (key, value) in [
@@ -257,7 +257,7 @@ fn force_table(out: &mut String, b: &BundleSpec, fibres: usize, multiple: f64) -
     }
     let _ = writeln!(out, "{n}_L0={n}_L/{n}_EREF\n{n}_T={n}_ET*{n}_L0\n{n}_D0={n}_L0-{n}_L\n{n}_DF={n}_D0-50.0");
     let mut rows = format!("0.0, <{n}_DF>\n0.0, <{n}_D0>\n");
-    for (i, [x, f]) in rows_of(b, fibres, multiple)?.into_iter().enumerate() {
+    for (i, [x, f]) in rows_of(b, fibres, end)?.into_iter().enumerate() {
         let _ = writeln!(out, "{n}_U{i}={n}_D0+{}*{n}_T\n{n}_F{i}={n}_K2/{n}_N*{n}_T*{}", number(x), number(f));
         let _ = writeln!(rows, "<{n}_F{i}>, <{n}_U{i}>");
     }
@@ -268,10 +268,10 @@ fn force_table(out: &mut String, b: &BundleSpec, fibres: usize, multiple: f64) -
 }
 
 /// Rows of a law's table behind slack: stretch in toes, force over stiffness times toe; its last line by two points, as the published decks have it.
-fn rows_of(b: &BundleSpec, fibres: usize, multiple: f64) -> Result<Vec<[f64; 2]>, SimError> {
-    let law = sim::ligament::of_fibres(b, fibres, Some(multiple.max(5.0)))?;
+fn rows_of(b: &BundleSpec, fibres: usize, end: Option<f64>) -> Result<Vec<[f64; 2]>, SimError> {
+    let law = sim::ligament::of_fibres(b, fibres, end)?;
     let mut rows: Vec<[f64; 2]> = law.shape().into_iter().skip(1).collect();
-    for toes in [4.0, multiple.max(5.0)] {
+    for toes in [LINE_FROM, law.table_end] {
         if rows.last().is_none_or(|last| last[0] < toes) {
             let force = law.response(toes * law.toe_mm()).force;
             rows.push([toes, force * fibres as f64 / (law.stiffness * law.toe_mm())]);

@@ -1,6 +1,7 @@
 //! Springs of a FEBio file as the law of a fibre: slack, toe, line.
 
 use crate::DeckError;
+use crate::laws::{LEAST_END, between};
 use crate::tree::{Tree, brief, text};
 use roxmltree::Node;
 use sim::ligament::of_fibres;
@@ -12,8 +13,10 @@ const NO_TOE: f64 = 1e-4;
 const OTHER_LAW: f64 = 0.1;
 /// A toe that is written by chords, as exports do, is off by a sixteen-hundredth of stiffness times toe; so much is no departure [-]. Ours.
 const CHORDS: f64 = 1e-3;
-/// Points between two knots at which a law is compared with a curve [-]. Ours.
-const BETWEEN: usize = 4;
+/// Parts of the line between two points, at whose ends a law is compared with a curve [-]. Ours.
+const PARTS: usize = 4;
+/// A law whose force no longer grows so many toes behind a curve's end has an end itself [-]. Ours.
+const FAR_TOES: f64 = 1000.0;
 /// A slope below this share of the steepest is none [-]. Ours: forces are written with a few digits.
 const FLAT: f64 = 1e-6;
 
@@ -41,6 +44,7 @@ pub(super) struct Fitted {
     pub(super) slack: f64,
     pub(super) toe: f64,
     pub(super) stiffness: f64,
+    pub(super) law: Law,
     pub(super) end: Option<f64>,
     /// Largest distance from the curve [N], and how much of it the law itself owes: chords, or a toe where the curve has none.
     pub(super) off: f64,
@@ -128,16 +132,18 @@ impl Spring {
         let toe = (root - begins).max(least);
         let slack = if root - begins > least { begins } else { root - toe };
         let ends = flat || self.ends;
-        let candidates = [None, flat.then(|| (last[0] - slack) / toe).filter(|end| *end > 4.001)];
-        let fits = candidates.into_iter().enumerate().filter(|(k, end)| *k == 0 || end.is_some());
-        let fits = fits.filter_map(|(_, end)| Some((off(&curve, (slack, toe, stiffness), length, end)?, end)));
-        let (off, end) = fits.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or("its numbers are no fibre's")?;
+        let end = flat.then(|| (last[0] - slack) / toe).filter(|end| *end >= LEAST_END);
+        let numbers = numbers(length, slack, toe, stiffness);
+        let fits = Law::ALL.map(|law| beside(&curve, &BundleSpec { law, ..numbers.clone() }, slack, end));
+        let Beside { law, end, off, at_toe } =
+            fits.into_iter().flatten().min_by(|a, b| a.off.total_cmp(&b.off)).ok_or("its numbers are no fibre's")?;
         if off > OTHER_LAW * last[1] {
             return Err(format!("its curve departs from slack, toe and line by {off:.3} N of {:.3}", last[1]));
         }
-        let owed = stiffness * toe * if root - begins > least { CHORDS } else { 0.25 };
+        let owed = if root - begins > least { CHORDS * stiffness * toe } else { at_toe };
         let pushes = curve.iter().any(|p| p[1] < -FLAT * largest);
-        Ok(Fitted { slack, toe, stiffness, end, off, owed, pushes, stays: (ends && end.is_none()).then_some(last[0]) })
+        let stays = (ends && end.is_none()).then_some(last[0]);
+        Ok(Fitted { slack, toe, stiffness, law, end, off, owed, pushes, stays })
     }
 }
 
@@ -153,28 +159,46 @@ fn begin(curve: &[[f64; 2]]) -> f64 {
     }
 }
 
-/// How far a law departs from the curve where it pulls [N]; none of numbers that no law has.
-fn off(curve: &[[f64; 2]], (slack, toe, stiffness): (f64, f64, f64), length: f64, end: Option<f64>) -> Option<f64> {
+/// A law beside a curve.
+struct Beside {
+    law: Law,
+    /// The multiple of the toe at which the law ends, where it does.
+    end: Option<f64>,
+    /// How far it departs from the curve where that pulls [N].
+    off: f64,
+    /// Its force one toe behind slack, where a line without a toe begins [N].
+    at_toe: f64,
+}
+
+/// The numbers of a fibre that is `length` mm long in its file and begins to pull `slack` mm beyond.
+fn numbers(length: f64, slack: f64, toe: f64, stiffness: f64) -> BundleSpec {
     let rest = length + slack;
-    let spec = BundleSpec {
+    BundleSpec {
         name: String::new(),
         reference_strain: length / rest,
         stiffness_n_per_mm: stiffness,
         reference_length_mm: length,
         toe_strain: toe / rest,
-        law: if end.is_some() { Law::Tabular } else { Law::Smooth },
+        law: Law::Smooth,
         damping_n_s_per_mm: fibre_damping(),
-    };
-    let law = of_fibres(&spec, 1, end).ok()?;
-    let mut worst: f64 = 0.0;
-    for w in curve.windows(2) {
-        for k in 0..=BETWEEN {
-            let share = k as f64 / BETWEEN as f64;
-            let [x, f] = [0, 1].map(|c| w[0][c] + (w[1][c] - w[0][c]) * share);
-            worst = worst.max((f.max(0.0) - law.response(x - slack).force).abs());
-        }
     }
-    Some(worst)
+}
+
+/// A law beside the curve; none of numbers that no law has, and none that ends where the curve goes on.
+fn beside(curve: &[[f64; 2]], spec: &BundleSpec, slack: f64, end: Option<f64>) -> Option<Beside> {
+    let bundle = of_fibres(spec, 1, end).ok()?;
+    let toe = bundle.toe_mm();
+    let ends = bundle.response((FAR_TOES + end.unwrap_or(0.0)) * toe).stiffness <= 0.0;
+    if ends && end.is_none() {
+        return None;
+    }
+    let off = |[x, f]: [f64; 2]| (f.max(0.0) - bundle.response(x - slack).force).abs();
+    Some(Beside {
+        law: spec.law,
+        end: end.filter(|_| ends),
+        off: between(curve, PARTS).map(off).fold(0.0, f64::max),
+        at_toe: bundle.response(toe).force,
+    })
 }
 
 /// The points of a force, its own or of a load curve.

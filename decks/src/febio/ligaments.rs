@@ -109,6 +109,7 @@ pub(super) fn ligaments(
                 stiffness,
                 toe_strain,
                 damping: fibre_damping(),
+                law: fit.law,
                 end: fit.end,
             });
         }

@@ -68,7 +68,7 @@ pub(super) fn contact(
             let key = (mesh.name.clone(), mesh.body);
             if !paths.contains_key(&key) {
                 let path = free_path(if femoral { "femur" } else { "tibia" }, &out.meshes);
-                take((knee, frames), (force, mesh), (femoral, &path), files, &mut out)?;
+                take(&Face { force, mesh, femoral, path: &path }, knee, frames, files, &mut out)?;
                 paths.insert(key.clone(), path);
             }
             *(if femoral { &mut femur } else { &mut tibia }) = paths[&key].clone();
@@ -88,14 +88,23 @@ pub(super) fn contact(
     Ok(out)
 }
 
+/// A surface of a force, on the femur or on the tibia, and where it goes among the model's meshes.
+struct Face<'a> {
+    force: &'a Force,
+    mesh: &'a Mesh,
+    femoral: bool,
+    path: &'a str,
+}
+
 /// Takes a surface, and the face on bone where thickness is counted from it.
 fn take(
-    (knee, frames): (&Knee, &FramesSpec),
-    (force, mesh): (&Force, &Mesh),
-    (femoral, path): (bool, &str),
+    face: &Face<'_>,
+    knee: &Knee,
+    frames: &FramesSpec,
     files: &mut Files<'_, '_>,
     out: &mut Contact,
 ) -> Result<(), DeckError> {
+    let Face { force, mesh, femoral, path } = *face;
     let mut surface = mesh.surface(knee, files, &mesh.file.clone())?;
     if Topology::of(&surface).is_closed() {
         surface = facing(&surface, femoral, frames);

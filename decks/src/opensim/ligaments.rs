@@ -14,7 +14,7 @@ use crate::tree::{Tree, child, name_of, text};
 use meshes::Point;
 use notices::{Kind, Notice};
 use roxmltree::Node;
-use sim::spec::{BundleSpec, FibreSpec};
+use sim::spec::{BundleSpec, FibreSpec, Law};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// OpenSim's values where a file has none: strain at the toe's end [-], damping [s].
@@ -178,6 +178,7 @@ fn law(
         stiffness: stiffness / slack,
         toe_strain: transition / 2.0,
         damping: stiffness * damping / slack,
+        law: Law::Smooth,
         end: None,
     })
 }

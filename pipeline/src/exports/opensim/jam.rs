@@ -75,8 +75,10 @@ fn written(name: &str, frame: &str, [modulus, poisson]: [f64; 2], varying: &str)
 
 /// The contact forces.
 pub(super) fn forces(model: &LoadedModel) -> String {
-    let logarithmic = model.spec.contact.layer.as_ref().is_some_and(|l| l.law == LayerLaw::Logarithmic);
-    let law = if logarithmic { "nonlinear" } else { "linear" };
+    let law = match model.spec.contact.layer.as_ref().map(|l| l.law) {
+        Some(LayerLaw::Logarithmic) => "nonlinear",
+        Some(LayerLaw::Linear) | None => "linear",
+    };
     let mut out = String::new();
     for (k, pair) in model.spec.contact.pairs.iter().enumerate() {
         let (femur, tibia) = (contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
