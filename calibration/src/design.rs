@@ -3,6 +3,7 @@
 //! X1 to X14 are reference strains [-], X15 to X26 stiffnesses [N/mm]; X18 is shared by the three fibres of the superficial MCL.
 
 use crate::error::CalibrationError;
+use attachments::bundle::{BUNDLES, Range};
 use inference::knee::Quantity;
 use serde::{Deserialize, Serialize};
 use sim::spec::{BundleSpec, ModelSpec};
@@ -75,35 +76,12 @@ pub struct Design {
     pub variables: Vec<Variable>,
 }
 
-/// A row of the data file.
-#[derive(Deserialize)]
-struct Row {
-    name: String,
-    reference_strain: RowRange,
-    stiffness_n_per_mm: RowRange,
-}
-
-/// A range of the data file.
-#[derive(Clone, Copy, Deserialize)]
-struct RowRange {
-    variable: u32,
-    lower: f64,
-    upper: f64,
-}
-
-/// Table 3, from the data file shared with the attachments.
+/// Table 3, by the numbers of its variables.
 static TABLE_3: LazyLock<Design> = LazyLock::new(|| {
-    #[derive(Deserialize)]
-    struct Table {
-        bundle: Vec<Row>,
-    }
-    let table: Table = toml::from_str(attachments::bundle::TABLE_3).expect("the table shipped with the program parses");
     let mut by_number: BTreeMap<u32, Variable> = BTreeMap::new();
-    for row in &table.bundle {
-        for (kind, range) in
-            [(Kind::ReferenceStrain, row.reference_strain), (Kind::StiffnessNPerMm, row.stiffness_n_per_mm)]
-        {
-            let RowRange { variable: number, lower, upper } = range;
+    for row in BUNDLES.iter() {
+        let ranges = [(Kind::ReferenceStrain, &row.reference_strain), (Kind::StiffnessNPerMm, &row.stiffness_n_per_mm)];
+        for (kind, &Range { variable: number, lower, upper }) in ranges {
             let fresh = || Variable { number, kind, bundles: vec![], lower, upper };
             by_number.entry(number).or_insert_with(fresh).bundles.push(row.name.clone());
         }

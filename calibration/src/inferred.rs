@@ -164,7 +164,7 @@ fn trials(sources: &[(String, Targets)]) -> (Vec<Trial>, usize) {
     out.extend(DRAWERS_DEG.iter().map(|&f| imagined(-DRAWER_N, f)));
     out.extend(REST_DEG.iter().map(|&f| imagined(0.0, f)));
     let unloaded = out.len();
-    let done = |t: &Trial| (t.source, t.record.load, t.record.fe_deg, t.record.quadriceps_n);
+    let done = |t: &Trial| (t.source, t.record.imposed());
     for i in 0..measured {
         let Some(zero) = out[i].record.unloaded() else { continue };
         let zero = Trial { source: out[i].source, ..Trial::imagined(zero) };

@@ -450,8 +450,7 @@ fn spread<T: Clone>(answers: Vec<Option<T>>, places: &[usize], all: usize) -> Ve
 fn different(trials: &[LaxityTrial]) -> (Vec<LaxityTrial>, Vec<usize>) {
     let mut each: Vec<LaxityTrial> = Vec::new();
     let place = trials.iter().map(|t| {
-        let same = |e: &LaxityTrial| (e.load, e.fe_deg, e.quadriceps_n) == (t.load, t.fe_deg, t.quadriceps_n);
-        each.iter().position(same).unwrap_or_else(|| {
+        each.iter().position(|e| e.imposed() == t.imposed()).unwrap_or_else(|| {
             each.push(t.clone());
             each.len() - 1
         })

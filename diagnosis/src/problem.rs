@@ -168,7 +168,7 @@ impl Problem {
         let cartilage_mm = stated.map_or(0.0, |u| u.cartilage_mm);
         let usual_noise = calibrate.targets.noise;
         let trials = trials(sources, &usual_noise)?;
-        trials.iter().try_for_each(|t| model.pulled(t.record.quadriceps_n).map(drop))?;
+        trials.iter().try_for_each(|t| model.in_trial(&t.record).map(drop))?;
         let mut problem = Problem {
             model: models.shared().clone(),
             models,

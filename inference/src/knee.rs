@@ -189,7 +189,13 @@ impl Trials<'_> {
             match p.quantity {
                 Quantity::ContactScale => out.contact.scale_pressure(*x),
                 Quantity::Cartilage => out.contact.overclosure_mm.iter_mut().for_each(|y| *y -= x),
-                _ => {}
+                Quantity::ReferenceStrain(_)
+                | Quantity::Stiffness(_)
+                | Quantity::Site(..)
+                | Quantity::Frame(..)
+                | Quantity::Lean(..)
+                | Quantity::Compliance(..)
+                | Quantity::Resting(..) => {}
             }
         }
         Ok(out)
@@ -251,7 +257,7 @@ impl Trials<'_> {
         trial: &Trial,
         start: Start,
     ) -> Result<(Answer, Jacobian), SimError> {
-        let model = &*knee.of(trial).0.pulled(trial.record.quadriceps_n)?;
+        let model = &*knee.of(trial).0.in_trial(&trial.record)?;
         let lean = self.lean(&knee.values, trial.record.fe_deg);
         let goal = Goal {
             flexion: chain_flexion(model, trial.record.fe_deg, self.options)?,

@@ -42,6 +42,9 @@ pub const ALL: [Coordinate; 6] = [FE, VV, IE, ML, AP, SI];
 /// The coordinates that are free when flexion is prescribed, in order.
 pub const FREE: [Coordinate; 5] = [VV, IE, ML, AP, SI];
 
+/// Lever by which angles compare with displacements and moments with forces [mm]: about a condyle's radius.
+pub(crate) const LEVER_MM: f64 = 30.0;
+
 /// Newton metres in newton millimetres.
 const NMM_PER_NM: f64 = 1e3;
 

@@ -4,7 +4,7 @@
 //! external field. Between them and [`crate::quasistatic`] lies friction: there it holds a pose, here it is none.
 
 use crate::contact::Nearby;
-use crate::coordinate::{ALL, Coordinate, FE, FREE, Free, IE, SI, Six, free_block, free_part};
+use crate::coordinate::{ALL, Coordinate, FE, FREE, Free, IE, LEVER_MM, SI, Six, free_block, free_part};
 use crate::model::Model;
 use nalgebra::{Matrix5, Matrix6, Vector5};
 
@@ -14,8 +14,6 @@ const LARGEST_STEP: [f64; 6] = [0.1, 0.1, 0.1, 4.0, 4.0, 4.0];
 const BALANCED: [f64; 6] = [0.0, 0.5, 0.5, 0.01, 0.01, 0.01];
 /// Flexion agrees within this [rad].
 const SAME_FLEXION: f64 = 1e-8;
-/// Lever by which moments compare with forces [mm].
-const LEVER_MM: f64 = 30.0;
 /// Lever of the springs of a restraint that hold rotations [mm].
 const SPRING_LEVER_MM: f64 = 20.0;
 /// Most Newton steps to an equilibrium, and to a restrained pose.

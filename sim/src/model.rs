@@ -11,6 +11,7 @@ use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
 use crate::coordinate::Six;
 use crate::error::SimError;
 use crate::joint::{Joint, Pose};
+use crate::laxity::LaxityTrial;
 use crate::ligament::{self, Bundle, Fibre, Line, Response};
 use crate::mesh::MeshValue;
 use crate::patella::{self, Patella, PatellaState};
@@ -310,6 +311,14 @@ impl Model {
     /// As [`Model::with_quadriceps`].
     pub fn pulled(&self, tension: f64) -> Result<Cow<'_, Model>, SimError> {
         if tension == 0.0 { Ok(Cow::Borrowed(self)) } else { self.with_quadriceps(tension).map(Cow::Owned) }
+    }
+
+    /// The model as a trial has it: under the tension of its quadriceps. What a column of a trial does to the knee itself belongs here.
+    ///
+    /// # Errors
+    /// As [`Model::with_quadriceps`].
+    pub fn in_trial(&self, trial: &LaxityTrial) -> Result<Cow<'_, Model>, SimError> {
+        self.pulled(trial.quadriceps_n)
     }
 
     /// The model with another friction coefficient [-].

@@ -7,17 +7,15 @@
 //! a snap is followed downhill to the branch the damped motion would reach. Without dashpots an increment ends in equilibrium.
 
 use crate::contact::{FrictionState, Nearby, Patches};
-use crate::coordinate::{ALL, FE, FREE, Six, free_block, free_part};
+use crate::coordinate::{ALL, FE, FREE, LEVER_MM, Six, free_block, free_part};
 use crate::error::SimError;
 use crate::model::{Evaluation, Model};
 use nalgebra::{Matrix5, Matrix6, SymmetricEigen, Vector5};
 use serde::{Deserialize, Serialize};
 
-/// Length that makes angles comparable with displacements [mm]: about a condyle's radius.
-const ARM: f64 = 30.0;
-/// Furthest a coordinate may move in one Newton step [mm, or rad times [`ARM`]].
+/// Furthest a coordinate may move in one Newton step [mm, or rad times [`LEVER_MM`]].
 const LONGEST_STEP: f64 = 2.0;
-/// A step below this ends a search that is [`close`], unseen [mm, or rad times [`ARM`]]: what is left is of its square, about 1e-5 mm.
+/// A step below this ends a search that is [`close`], unseen [mm, or rad times [`LEVER_MM`]]: what is left is of its square, about 1e-5 mm.
 const CLOSE_STEP: f64 = 3e-3;
 /// An increment is halved this often at most.
 const MOST_HALVINGS: i32 = 6;
@@ -265,9 +263,9 @@ pub fn close(
     Ok(Solved { state: State::at(q), evaluation, departure: 0.0, evaluations })
 }
 
-/// Size of a change of the coordinates [mm], angles times [`ARM`].
+/// Size of a change of the coordinates [mm], angles times [`LEVER_MM`].
 fn distance(step: &Six) -> f64 {
-    ALL.map(|c| step[c] * if c.turns() { ARM } else { 1.0 }).iter().map(|x| x * x).sum::<f64>().sqrt()
+    ALL.map(|c| step[c] * if c.turns() { LEVER_MM } else { 1.0 }).iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// Resistance of all dashpots at a pose [N s/mm and its like].
@@ -353,9 +351,9 @@ fn minimise(
     Err(SimError::Solver(format!("no equilibrium within {iterations} Newton steps")))
 }
 
-/// Gradient and Hessian over the free coordinates, angles times [`ARM`].
+/// Gradient and Hessian over the free coordinates, angles times [`LEVER_MM`].
 fn scaled(value: &Value) -> (Vector5<f64>, Matrix5<f64>) {
-    let s = FREE.map(|c| if c.turns() { 1.0 / ARM } else { 1.0 });
+    let s = FREE.map(|c| if c.turns() { 1.0 / LEVER_MM } else { 1.0 });
     let gradient = free_part(&value.gradient).component_mul(&Vector5::from(s));
     let free = free_block(&value.hessian);
     let hessian = Matrix5::from_fn(|i, j| free[(i, j)] * s[i] * s[j]);
@@ -366,7 +364,7 @@ fn scaled(value: &Value) -> (Vector5<f64>, Matrix5<f64>) {
 fn unscaled(step: &Vector5<f64>) -> Six {
     let mut out = Six::zeros();
     for (i, &c) in FREE.iter().enumerate() {
-        out[c] = step[i] * if c.turns() { 1.0 / ARM } else { 1.0 };
+        out[c] = step[i] * if c.turns() { 1.0 / LEVER_MM } else { 1.0 };
     }
     out
 }

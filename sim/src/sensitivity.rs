@@ -3,7 +3,7 @@
 //! At rest `r(q, p) = dE/dq - f + friction = 0` over the five free coordinates, so `dq/dp = -H^-1 dr/dp` with the exact tangent H of ligaments
 //! and contact. Friction's forces are held as they are (they depend on the path, not on the parameter at its end); flexion is prescribed.
 
-use crate::coordinate::{Coordinate, FE, FREE, Six, free_block, free_part};
+use crate::coordinate::{Coordinate, FE, FREE, LEVER_MM, Six, free_block, free_part};
 use crate::error::SimError;
 use crate::model::{Evaluation, Model};
 use crate::trials::Answer;
@@ -69,7 +69,7 @@ pub fn tangent(answer: &Answer) -> Matrix5<f64> {
 /// Errors: a singular tangent (a pose that no load or ligament holds), a parameter the model does not have.
 pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -> Result<Sensitivities, SimError> {
     let stiffness = tangent(answer);
-    let arm = FREE.map(|c| if c.turns() { 1.0 / 30.0 } else { 1.0 });
+    let arm = FREE.map(|c| if c.turns() { 1.0 / LEVER_MM } else { 1.0 });
     let scaled = Matrix5::from_fn(|i, j| stiffness[(i, j)] * arm[i] * arm[j]);
     let eigen = SymmetricEigen::new(scaled);
     let least = eigen.eigenvalues.min();

@@ -192,7 +192,7 @@ pub fn chain_flexion(model: &Model, fe_deg: f64, options: &TrialOptions) -> Resu
 ///
 /// Errors: loads or flexion out of range, a solver that finds no equilibrium; each names the trial.
 pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -> Result<Answer, SimError> {
-    let solved = model.pulled(trial.quadriceps_n).and_then(|model| solve(&model, trial.fe_deg, &trial.load, options));
+    let solved = model.in_trial(trial).and_then(|model| solve(&model, trial.fe_deg, &trial.load, options));
     solved.map_err(|e| e.of_trial(&trial.trial))
 }
 

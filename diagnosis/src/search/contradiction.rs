@@ -28,6 +28,8 @@ const NEAR_QUADRICEPS_N: f64 = 50.0;
 const FITTED: usize = 12;
 /// Of them with the same trial at most [-].
 const FITTED_OF_A_TRIAL: usize = 3;
+/// Standard deviations within which a knee gives a reading [-]: beyond them a reading counts as an outlier.
+const GIVEN: f64 = 3.0;
 /// Contradictions that are told at most [-]; the head of a page has the first three.
 const MOST: usize = 6;
 
@@ -111,6 +113,7 @@ pub(crate) fn contradictions(
     fit: &Fit,
     is_missing: bool,
 ) -> Result<Vec<Contradiction>, DiagnosisError> {
+    let given = given(search, fit);
     // where the knee itself rests: next to a reading that no knee gives, another stiffness would stand in for its own
     let problem = searcher.problem.clone().with_far_rests(true);
     let linear = problem.linear(&fit.hypothesis, &fit.unknowns, &[])?;
@@ -119,8 +122,10 @@ pub(crate) fn contradictions(
     let searcher = &Searcher { problem: &problem, options: searcher.options };
     let pairs = pairs(&problem, search, fit);
     let bar = contradicted(if is_missing { 1 } else { pairs.len() });
-    let counts = counts(&pairs, search.readings.rows.len(), bar);
-    let likely = promising(pairs, bar);
+    // a knee that rests in two ways may give one reading by either
+    let open: Vec<Pair> = pairs.into_iter().filter(|p| !p.rows.iter().all(|r| given[*r])).collect();
+    let counts = counts(&open, search.readings.rows.len(), bar);
+    let likely = promising(open, bar);
     let mut found: Vec<(Pair, Contradiction)> = likely
         .into_par_iter()
         .map(|pair| Ok((pair, fitted(searcher, search, fit, (pair, pair.rows.map(|r| counts[r])))?)))
@@ -135,6 +140,12 @@ pub(crate) fn contradictions(
         }
     }
     Ok(told.into_iter().map(|(_, c)| c).collect())
+}
+
+/// Whether a fit gives each reading, by whichever of its rests is nearest to it.
+fn given(search: &Search, fit: &Fit) -> Vec<bool> {
+    let scatter = search.readings.block_of(&search.covariance);
+    fit.residual.iter().enumerate().map(|(r, off)| off.abs() <= GIVEN * scatter[(r, r)].sqrt()).collect()
 }
 
 /// Of each reading how many pairs with it pass a bar on a straight line.

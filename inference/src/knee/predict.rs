@@ -72,7 +72,7 @@ impl Trials<'_> {
         (force, mut near): (f64, Nearby),
     ) -> Result<Prediction, SimError> {
         let (model, _) = knee.of(trial);
-        let model = &*model.pulled(trial.record.quadriceps_n)?;
+        let model = &*model.in_trial(&trial.record)?;
         let lean = self.lean(&knee.values, trial.record.fe_deg);
         let flexion = chain_flexion(model, trial.record.fe_deg, self.options)?;
         let borne = self.borne(&knee.values, trial).generalised();
@@ -107,7 +107,7 @@ impl Trials<'_> {
         let knee = self.knee(self.values(z).into_iter().map(|v| v.0).collect()).ok();
         let of = |i: usize| {
             let trial = &self.trials[i];
-            let model = &*knee.as_ref()?.of(trial).0.pulled(trial.record.quadriceps_n).ok()?;
+            let model = &*knee.as_ref()?.of(trial).0.in_trial(&trial.record).ok()?;
             let q = &found[i].q;
             Some(self.is_off_the_plateau(model, &model.joint.grood_suntay(q), &model.evaluate(q)))
         };

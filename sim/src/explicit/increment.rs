@@ -6,7 +6,7 @@ use super::program::{Drive, Step};
 use super::state::ExplicitState;
 use super::twist::twists;
 use crate::contact::{FrictionState, Nearby};
-use crate::coordinate::Six;
+use crate::coordinate::{LEVER_MM, Six};
 use crate::error::SimError;
 use crate::model::Model;
 use nalgebra::Matrix6;
@@ -19,10 +19,8 @@ const CORRECTIONS: usize = 2;
 const FIRST: f64 = 0.1;
 /// Most an increment may be longer than the one before [-].
 const GROWTH: f64 = 1.25;
-/// Furthest a free coordinate may go in one increment, rotations at [`ARM`] [mm].
+/// Furthest a free coordinate may go in one increment, rotations at [`LEVER_MM`] [mm].
 const LEAP: f64 = 0.2;
-/// Length that makes angles comparable with displacements [mm]: about a condyle's radius.
-const ARM: f64 = 30.0;
 /// Smallest increment, of the longest allowed [-].
 const SMALLEST: f64 = 1e-6;
 
@@ -214,7 +212,7 @@ impl<'a> Stepper<'a> {
             // contact that is not there yet is not in the stiffness: start small, grow slowly, do not leap
             length = if last > 0.0 { length.min(GROWTH * last) } else { FIRST * length };
             let speed =
-                crate::coordinate::FREE.iter().map(|&c| state.rate[c].abs() * if c.turns() { ARM } else { 1.0 });
+                crate::coordinate::FREE.iter().map(|&c| state.rate[c].abs() * if c.turns() { LEVER_MM } else { 1.0 });
             length = length.min(LEAP / speed.fold(1e-9, f64::max));
         }
         if length.is_nan() || length <= SMALLEST * self.longest {
