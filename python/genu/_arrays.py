@@ -26,9 +26,13 @@ def arrays_of(name: str, given: SurfaceLike) -> tuple[Array, Array]:
     """Vertices (n, 3) [mm] and faces (m, 3) of whatever holds them, checked."""
     pair: Any = (given.vertices, given.faces) if hasattr(given, "faces") else given
     try:
-        vertices, faces = (np.asarray(a) for a in pair)
+        both = tuple(pair)
+        hidden = sum(int(np.sum(a.mask)) for a in both if isinstance(a, np.ma.MaskedArray))
+        vertices, faces = (np.asarray(a) for a in both)
     except (TypeError, ValueError):
         raise InputError(f"{name}: a surface, or a pair of arrays (vertices, faces), was expected, not {type(given).__name__}") from None
+    if hidden:
+        raise InputError(f"{name}: {hidden} masked numbers, which were not measured; leave out their vertices and the faces of these")
     if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "fiu" or not np.isfinite(vertices).all():
         raise InputError(f"{name}: vertices of shape {vertices.shape}, {vertices.dtype}; finite numbers of shape (n, 3) [mm] were expected")
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":

@@ -39,7 +39,7 @@ def read_table(path: Path) -> Frame:
 
 
 def table_text(table: Any) -> str:
-    """Rows as CSV: a frame of pandas or polars, a dict of columns, or a list of dicts. NaN, NA and None are empty cells.
+    """Rows as CSV: a frame of pandas or polars, a dict of columns, a structured array, or a list of dicts. NaN, NA and None are empty cells.
 
     Raises
     ------
@@ -52,6 +52,9 @@ def table_text(table: Any) -> str:
         return str(_with_index(table).to_csv(index=False))
     if hasattr(table, "write_csv"):  # polars
         return str(table.write_csv())
+    fields = getattr(getattr(table, "dtype", None), "names", None)
+    if fields:  # a structured array
+        table = {name: table[name] for name in fields}
     if hasattr(table, "keys"):
         names = list(table.keys())
         columns = [_column(name, table[name]) for name in names]
@@ -101,7 +104,7 @@ def _row(row: Any) -> dict[Any, Any]:
     try:
         return dict(row)
     except (TypeError, ValueError) as error:
-        raise InputError("the table's rows are no dicts of column and value") from error
+        raise InputError("the table's rows are no dicts of column and value; give a frame, a dict of columns, or a list of such dicts") from error
 
 
 def _cell(value: Any) -> Any:

@@ -11,8 +11,10 @@ mod flexion;
 mod format;
 mod headers;
 mod lag;
+mod median;
 mod motion;
 mod numbers;
+mod one_reading;
 mod order;
 mod outliers;
 mod read;
@@ -146,6 +148,17 @@ pub struct Reference {
     pub fe_deg: f64,
 }
 
+/// What is done to a knee in a trial.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Imposed {
+    /// Loads on the tibia.
+    pub load: Load,
+    /// Flexion [deg].
+    pub fe_deg: f64,
+    /// Tension of the quadriceps [N].
+    pub quadriceps_n: f64,
+}
+
 /// Whether a number is left out of what is written.
 fn is_zero(x: &f64) -> bool {
     *x == 0.0
@@ -169,6 +182,27 @@ impl LaxityTrial {
             quadriceps_n: 0.0,
             reference: None,
         }
+    }
+
+    /// What is done to the knee. Two trials with the same of it are one equilibrium; what else a trial holds is about its reading and its record.
+    pub fn imposed(&self) -> Imposed {
+        // taken apart in full, so that a new column has to say which of both it is
+        let LaxityTrial {
+            load,
+            fe_deg,
+            quadriceps_n,
+            row: _,
+            trial: _,
+            test: _,
+            nominal_flexion_deg: _,
+            measured: _,
+            sd: _,
+            branch: _,
+            order: _,
+            time_s: _,
+            reference: _,
+        } = *self;
+        Imposed { load, fe_deg, quadriceps_n }
     }
 
     /// The trial from whose pose the readings count, with nothing measured.

@@ -159,8 +159,10 @@ fn loads_that_are_round_in_another_unit_are_told_and_others_are_not() {
         let named = told.iter().any(|(c, words)| c == "load_ie_nm" && words.contains(&format!("in {unit} it and")));
         assert_eq!(named, !unit.is_empty(), "{by}: {told:?}");
     }
-    // one load alone shows nothing
-    assert!(doubted(&|t| t.load[IE] *= 0.737_562).is_empty());
+    // one load alone shows it where it is a multiple of 0.5 N m to four digits
+    let told = doubted(&|t| t.load[IE] *= 0.737_562);
+    assert!(matches!(&told[..], [(c, words)] if c == "load_ie_nm" && words.contains("Is ft lbf its unit")), "{told:?}");
+    assert!(doubted(&|t| t.load[IE] *= 0.737).is_empty());
 }
 
 #[test]

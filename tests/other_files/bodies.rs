@@ -1,6 +1,6 @@
 //! Bodies and frames where they do not belong: menisci, a patella grown to the femur, an implant, given frames.
 
-use super::{BUILT, built, change, checked, holds, knee, labels, nrrd, with_labels};
+use super::{BUILT, SEGMENTS, built, change, checked, holds, knee, labels, nrrd, with_labels};
 use crate::common::{json, text, write};
 use meshes::volume::Labels;
 use tempfile::TempDir;
@@ -241,4 +241,31 @@ fn check_reads_the_headers_of_a_dicom_series() {
     magnetic[kind + 8..kind + 10].copy_from_slice(b"MR");
     write(&place(1), magnetic);
     holds(&checked(folder.path()).1, &["FAULT   ct.volume", "IM1", "kind MR", "expected CT"]);
+}
+
+#[test]
+fn a_name_that_two_segments_have_is_refused_by_that_name() {
+    let map = labels();
+    let one_layer = std::slice::from_ref(&map.values);
+    let named = |both: &str| {
+        let segment = |(k, (label, name, key)): (usize, &(u8, &str, &str))| {
+            let name = if key.starts_with("tibial") && !both.is_empty() { both } else { *name };
+            format!("Segment{k}_Name:={name}\nSegment{k}_LabelValue:={label}\nSegment{k}_Layer:=0\n")
+        };
+        let segments: String = SEGMENTS.iter().enumerate().map(segment).collect();
+        let folder = with_labels("l.seg.nrrd", nrrd(&map, one_layer, 1.0, &segments));
+        for (label, name, key) in &SEGMENTS[1..3] {
+            let name = if both.is_empty() { *name } else { both };
+            change(folder.path(), &format!("{key} = {label}"), &format!("{key} = \"{name}\""));
+        }
+        checked(folder.path())
+    };
+    let (code, words) = named("Tibial cartilage");
+    assert_eq!(code, 1, "{words}");
+    holds(
+        &words,
+        &["segmentation.tibial_cartilage_medial: 2 segments are called \"Tibial cartilage\"", "a name of its own"],
+    );
+    let (code, words) = named("");
+    assert_eq!(code, 0, "{words}");
 }

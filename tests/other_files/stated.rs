@@ -1,6 +1,7 @@
 //! What stands beside the numbers: words, noise, persons, names of files, landmarks that nothing reads; and files of other programs in a surface's place.
 
 mod folder;
+mod one_reading;
 mod one_test;
 
 use super::tables::{laxity, plain, with_laxity};

@@ -2,7 +2,7 @@
 
 use super::{LaxityTrial, SignDoubt, Test};
 use crate::coordinate::{AP, Coordinate, Free, IE, ML, SI, VV};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A data set: its name and its trials.
 pub type Named<'a> = (&'a str, &'a [LaxityTrial]);
@@ -29,6 +29,8 @@ const NO_DRAWER_N: f64 = 10.0;
 const LEAST_DRAWER_MM: f64 = 0.5;
 /// Share of the larger load that the smaller one must be for ranges to be compared: a knee stiffens [-]. Ours.
 const COMPARABLE_LOAD: f64 = 0.6;
+/// Flexions from which on one can go to the other side than the others. In 128 flexions of 74 published and simulated files the correlation is above 0.
+const LEAST_FLEXIONS_OF_ONE: usize = 3;
 /// Flexions at which an offset must be the same way. Ours: at one alone the knee may differ.
 const LEAST_FLEXIONS: usize = 2;
 
@@ -121,6 +123,27 @@ pub fn against_model(trials: &[LaxityTrial], answers: &[Option<Free<f64>>]) -> O
         words: format!(
             "ml_mm goes to the other side than the calibrated model's in {} tests (correlation {r:.2}): its sign is turned, or the side of the knee. Expected lateral +: {DECLARE_MEDIAL}",
             all.len()
+        ),
+    })
+}
+
+/// Whether the tibia goes to the other side at one flexion than at the others of the same data set.
+pub(super) fn side_of_a_flexion(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    let all = means(trials, ML);
+    let flexions: BTreeSet<i64> = all.keys().filter(|(test, _)| *test != Test::Neutral).map(|(_, at)| *at).collect();
+    let beside = |at: i64| {
+        let one = |(test, here): (&(Test, i64), &f64)| {
+            let others = flexions.iter().filter(|other| **other != at).map(|other| all.get(&(test.0, *other)).copied());
+            Some((*test, [*here, mean(&others.collect::<Option<Vec<f64>>>()?)]))
+        };
+        all.iter().filter(|((_, there), _)| *there == at).filter_map(one).collect::<Vec<_>>()
+    };
+    let found = flexions.iter().filter(|_| flexions.len() >= LEAST_FLEXIONS_OF_ONE);
+    let (at, r) = found.filter_map(|at| Some((at, turned(&beside(*at))?))).next()?;
+    Some(SignDoubt {
+        column: ML.column(),
+        words: format!(
+            "ml_mm goes to the other side at {at} deg than at the other flexions (correlation {r:.2} over the tests): was its sign turned there? Expected lateral + throughout"
         ),
     })
 }

@@ -68,6 +68,9 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let mut known = super::numbers::codes(trials);
     if unlike.is_none() {
         known.extend(super::outliers::of_one_test(trials));
+        let alone = super::one_reading::doubts(trials).into_iter();
+        let unknown: Vec<SignDoubt> = alone.filter(|d| known.iter().all(|k| k.column != d.column)).collect();
+        known.extend(unknown);
     }
     let (coarse, rounded) = super::numbers::coarse(trials);
     let column = |d: &SignDoubt| known.iter().map(|k| &k.column).chain(&coarse).all(|known| *known != d.column);
@@ -96,6 +99,7 @@ fn more(trials: &[LaxityTrial], known: &[SignDoubt]) -> Vec<SignDoubt> {
     found.extend(far_origin(trials));
     found.extend(USUAL_MEAN.iter().filter_map(|usual| far_mean(trials, *usual)));
     found.extend(still(trials));
+    found.extend(super::between::side_of_a_flexion(trials));
     found.extend(super::lag::names(trials));
     found.extend(super::exchanged::likely(trials, known));
     found

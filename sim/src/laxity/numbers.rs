@@ -1,7 +1,7 @@
 //! What the numbers themselves show: zeros and nines that stand for nothing, coarse steps, loads that are round in another unit.
 
 use super::{LaxityTrial, SignDoubt, Test, text};
-use crate::coordinate::{AP, Coordinate, FREE, Free, IE, VV};
+use crate::coordinate::{AP, Coordinate, FREE, Free, IE, SI, VV};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,6 +24,12 @@ const NEAR: f64 = 1.5e-4;
 /// Round loads: as read in N m and N, to two decimals; and what tests apply in the other unit, in steps of 0.05. Ours.
 const STEP_READ: f64 = 0.01;
 const STEP_MEANT: f64 = 0.05;
+/// A load that is one number in all its trials: no multiple of the first as it is read, and in the other unit one of the second, up to the third: VV, IE
+/// [N m], SI [N]. Ours: a number with four digits is so by chance in one of 100 at the most.
+const ROUND_OF_ONE: [(Coordinate, [f64; 3]); 3] =
+    [(VV, [STEP_READ, 0.5, 20.0]), (IE, [STEP_READ, 0.5, 20.0]), (SI, [0.1, 5.0, 200.0])];
+/// Trials that have it.
+const LEAST_OF_ONE: usize = 4;
 /// Steps of readings that are told, the coarsest first [mm] or [deg]: half a drawer and more, in cm, or in inches, their halves and quarters.
 /// Ours; instruments read in steps of 1 and less.
 const STEPS_MM: [f64; 5] = [25.4, 12.7, 10.0, 6.35, 5.0];
@@ -40,6 +46,11 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let zeros = FREE.iter().filter_map(|c| zeros(trials, *c));
     let units = [(&[VV, IE][..], &MOMENTS[..]), (&[AP][..], &FORCES[..])];
     let round = units.iter().filter_map(|(of, units)| round_elsewhere(trials, of, units));
+    let mut round: Vec<SignDoubt> = round.collect();
+    let single: Vec<SignDoubt> = ROUND_OF_ONE.into_iter().filter_map(|kind| one_load(trials, kind)).collect();
+    if round.is_empty() {
+        round = single;
+    }
     let ended = FREE.iter().filter_map(|c| ended(trials, *c));
     zeros.chain(round).chain(twice(trials)).chain(ended).collect()
 }
@@ -228,6 +239,34 @@ fn outside(given: &[(&LaxityTrial, f64)], zero: &LaxityTrial) -> bool {
     others.len() >= LEAST_OTHERS && out > OUTSIDE * (high - low) && out > 0.0
 }
 
+/// A load that is one number in all trials that apply it: round in another unit, and not as it is read. All trials apply compression.
+fn one_load(trials: &[LaxityTrial], (c, [read, step, most]): (Coordinate, [f64; 3])) -> Option<SignDoubt> {
+    let own = trials.iter().filter(|t| (c == SI || t.test.coordinate() == Some(c)) && t.load[c] != 0.0);
+    let loads: Vec<f64> = own.map(|t| t.load[c].abs()).collect();
+    let load = *loads.first().filter(|first| loads.iter().all(|l| l.to_bits() == first.to_bits()))?;
+    if loads.len() < LEAST_OF_ONE || is_round(load, read) {
+        return None;
+    }
+    let units = if c.turns() { &MOMENTS[..] } else { &FORCES[..] };
+    let fits = |(_, factor): &&(&str, f64)| load * factor <= most && is_round(load * factor, step);
+    let (unit, factor) = units.iter().find(fits)?;
+    Some(SignDoubt {
+        column: c.load_column(),
+        words: format!(
+            "{} is {load:.4} {n} in all {} trials that apply it, no round number; in {unit} it would be round: {:.2} {n}. Is {unit} its unit? Declare the unit by [laxity_format.NAME.columns]",
+            c.load_column(),
+            loads.len(),
+            load * factor,
+            n = c.load_unit()
+        ),
+    })
+}
+
+/// Whether a number is a multiple of a step, as written with four digits.
+fn is_round(number: f64, step: f64) -> bool {
+    ((number / step).round() * step - number).abs() < NEAR * number
+}
+
 /// Loads that are round numbers in another unit and none as they are read.
 fn round_elsewhere(trials: &[LaxityTrial], of: &[Coordinate], units: &[(&str, f64)]) -> Option<SignDoubt> {
     let mut loads: BTreeMap<u64, (Coordinate, f64)> = BTreeMap::new();
@@ -237,9 +276,8 @@ fn round_elsewhere(trials: &[LaxityTrial], of: &[Coordinate], units: &[(&str, f6
             loads.entry(load.to_bits()).or_insert((c, load));
         }
     }
-    let round = |load: f64, step: f64| ((load / step).round() * step - load).abs() < NEAR * load;
-    let all = |factor: f64, step: f64| loads.values().all(|(_, load)| round(load * factor, step));
-    if loads.len() < LEAST_LOADS || loads.values().any(|(_, load)| round(*load, STEP_READ)) {
+    let all = |factor: f64, step: f64| loads.values().all(|(_, load)| is_round(load * factor, step));
+    if loads.len() < LEAST_LOADS || loads.values().any(|(_, load)| is_round(*load, STEP_READ)) {
         return None;
     }
     let (unit, factor) = units.iter().find(|(_, factor)| all(*factor, STEP_MEANT))?;

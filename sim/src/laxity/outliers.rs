@@ -1,5 +1,6 @@
 //! Readings that lie alone: a trial that jumped, a coordinate that is zeroed at each position, one test that counts from another zero.
 
+use super::median::median;
 use super::{LaxityTrial, SignDoubt, Test};
 use crate::coordinate::{AP, Coordinate, FREE, Free, IE, ML, SI, VV};
 use std::collections::BTreeMap;
@@ -40,13 +41,6 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
 pub(super) fn of_one_test(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let poses: Vec<&LaxityTrial> = trials.iter().filter(|t| t.reference.is_none()).collect();
     FREE.into_iter().filter_map(|c| other_zero(&poses, c)).collect()
-}
-
-/// The middle of a list; none of an empty one.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let [below, above] = [values.len().saturating_sub(1) / 2, values.len() / 2].map(|k| values.get(k).copied());
-    Some(f64::midpoint(below?, above?))
 }
 
 /// Middles of a coordinate's readings, by test and position.

@@ -11,6 +11,9 @@ use meshes::Point;
 use notices::{Kind, Notice};
 use sim::names::did_you_mean;
 
+/// Names of ligaments that others use, and ours. By letters they are nearer to another ligament's.
+const OTHER_NAMES: [(&str, &str); 3] = [("FCL", "LCL"), ("TCL", "sMCL"), ("ALL", "ALS")];
+
 /// The landmarks; empty without a file.
 pub(super) fn landmarks(
     file: &SpecimenFile,
@@ -53,11 +56,12 @@ pub(super) fn marks(
             if LIGAMENTS.contains(&name) {
                 Ok(())
             } else {
-                Err(format!(
-                    "no ligament is called `{name}`{}; expected one of {}",
-                    did_you_mean(name, LIGAMENTS),
-                    LIGAMENTS.join(", ")
-                ))
+                let other = OTHER_NAMES.iter().find(|(other, _)| other.eq_ignore_ascii_case(name));
+                let meant = other.map_or_else(
+                    || did_you_mean(name, LIGAMENTS),
+                    |(_, ours)| format!("; it is another name of {ours}"),
+                );
+                Err(format!("no ligament is called `{name}`{meant}; expected one of {}", LIGAMENTS.join(", ")))
             }
         },
         warnings,

@@ -148,6 +148,8 @@ fn wrong_points_are_refused_with_file_and_line() {
         said.contains("marks.csv, line 2: no ligament is called `MCL`; did you mean sMCL?; expected one of ACL"),
         "{said}"
     );
+    let said = refusal(&with_file("marks.csv", b"ligament,frame,x_mm,y_mm,z_mm\nFCL,scan_femur,1,2,3\n"));
+    assert!(said.contains("`FCL`; it is another name of LCL; expected one of ACL"), "{said}");
     let head = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm\n";
     let fibres = with_file("attachments.csv", format!("{head}LCL,1,0,0,42,0,42,0\n").as_bytes());
     let specimen = ingest(&fibres, &IngestOptions::default()).unwrap();

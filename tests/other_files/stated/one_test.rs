@@ -14,7 +14,7 @@ static MEASURED: LazyLock<TempDir> = LazyLock::new(|| {
 });
 
 /// The table with cells changed, by test, flexion and number of the column.
-fn changed(change: impl Fn(&str, f64, usize, f64) -> f64) -> String {
+pub(super) fn changed(change: impl Fn(&str, f64, usize, f64) -> f64) -> String {
     laxity(|test, flexion| {
         let row = plain(test, flexion, flexion + 0.3);
         let cell = |(at, cell): (usize, &str)| match cell.parse::<f64>() {
@@ -84,7 +84,7 @@ fn loads_of_one_test_in_another_unit_are_told_by_its_name() {
 }
 
 /// A laxity file of the phantom with one column's readings divided in the rows that are meant, by test and flexion.
-fn phantom_with(file: &str, column: &str, divided: f64, meant: impl Fn(&str, &str) -> bool) -> String {
+pub(super) fn phantom_with(file: &str, column: &str, divided: f64, meant: impl Fn(&str, &str) -> bool) -> String {
     let table = text(&MEASURED.path().join("knee/laxity").join(file));
     let at = table.lines().next().unwrap().split(',').position(|name| name == column).unwrap();
     let line = |line: &str| {

@@ -1,4 +1,4 @@
-//! Whether the loads of one flexion, or the place of the tibia there, are in another unit than at the other flexions.
+//! Whether the loads of one flexion or of one test there, or the place of the tibia, are in another unit than at the other flexions.
 
 use crate::coordinate::{AP, Coordinate, IE, SI, VV};
 use crate::laxity::motion::USUAL_SI_MM;
@@ -22,11 +22,19 @@ const LEAST_TRIALS: usize = 4;
 const FORCES: [(&str, f64); 3] = [("lbf", 4.448_221_615_260_5), ("kgf", 9.806_65), ("kN", 1000.0)];
 const MOMENTS: [(&str, f64); 2] = [("kgf m", 9.806_65), ("kN m", 1000.0)];
 const LENGTHS: [(&str, f64); 3] = [("cm", 10.0), ("inches", 25.4), ("m", 1000.0)];
+/// Largest loads of a test at other flexions agree to this share, where one alone is compared with them [-]: loads that were meant, not reached. Ours.
+const MEANT: f64 = 2e-3;
+/// One load is off by a unit's factor to this share [-]: four digits of each number. 30 N beside 133 N is off from lbf by 3e-3. Ours.
+const EXACT: f64 = 1e-3;
+/// Other flexions of a test beside which one load is compared.
+const LEAST_OTHERS: usize = 2;
+/// A moment in this unit is near to one in N m: only an exact factor shows it.
+const FOOT_POUND: (&str, f64) = ("ft lbf", 1.355_817_948_331_4);
 
 /// Doubts about the unit at one flexion.
 pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let poses: Vec<&LaxityTrial> = trials.iter().filter(|t| t.reference.is_none() && t.test != Test::Neutral).collect();
-    let loads = [VV, IE, AP].into_iter().filter_map(|c| loads(&poses, c));
+    let loads = [VV, IE, AP].into_iter().filter_map(|c| loads(&poses, c).or_else(|| one_load(&poses, c)));
     loads.chain(place(&poses)).collect()
 }
 
@@ -71,6 +79,48 @@ fn loads(poses: &[&LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
             n = c.load_unit(),
             m = c.unit()
         ),
+    })
+}
+
+/// The largest load of one test at one flexion that is a unit's factor below those at the other flexions, which are all one number.
+fn one_load(poses: &[&LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
+    let mut tests: BTreeMap<Test, BTreeMap<i64, &LaxityTrial>> = BTreeMap::new();
+    for t in poses.iter().copied().filter(|t| t.test.coordinate() == Some(c)) {
+        let largest = tests.entry(t.test).or_default().entry(t.nominal_flexion_deg.round() as i64).or_insert(t);
+        if t.load[c].abs() > largest.load[c].abs() {
+            *largest = t;
+        }
+    }
+    let units = if c.turns() { [&MOMENTS[..], &[FOOT_POUND]].concat() } else { FORCES.to_vec() };
+    let (t, there, unit) = tests.values().find_map(|of| odd_load(of, c, &units))?;
+    Some(SignDoubt {
+        column: c.load_column(),
+        words: format!(
+            "{} is {:.3} {n} in trial \"{}\", and {there:.1} {n} in the {} trials at all other flexions, which is the same in {unit}: maybe it is in {unit} there. Expected one unit in the whole column: look at the record, and write it in {n} if so",
+            c.load_column(),
+            t.load[c].abs(),
+            t.trial,
+            t.test.name(),
+            n = c.load_unit()
+        ),
+    })
+}
+
+/// Of the largest loads of a test by flexion: the trial whose load is off by a unit's factor, the load of the others, and the unit.
+fn odd_load<'a>(
+    of: &BTreeMap<i64, &'a LaxityTrial>,
+    c: Coordinate,
+    units: &[(&'static str, f64)],
+) -> Option<(&'a LaxityTrial, f64, &'static str)> {
+    of.iter().find_map(|(at, t)| {
+        let others: Vec<f64> =
+            of.iter().filter(|(other, _)| *other != at).map(|(_, other)| other.load[c].abs()).collect();
+        let [low, high] = others.iter().fold([f64::INFINITY, 0.0], |[l, h], x| [f64::min(l, *x), f64::max(h, *x)]);
+        let is_one = others.len() >= LEAST_OTHERS && high - low <= MEANT * high && t.load[c] != 0.0;
+        let there = f64::midpoint(low, high);
+        let factor = there / t.load[c].abs();
+        let fits = units.iter().find(|(_, of_unit)| (factor / of_unit).ln().abs() < EXACT);
+        fits.filter(|_| is_one).map(|(unit, _)| (*t, there, *unit))
     })
 }
 

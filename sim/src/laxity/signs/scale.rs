@@ -1,6 +1,7 @@
 //! Whether the readings of one test, or of one flexion, are in another unit than the rest: they vary far less than the others, and would not in that unit.
 
-use crate::coordinate::{AP, Coordinate, IE, VV};
+use crate::coordinate::{AP, Coordinate, IE, ML, VV};
+use crate::laxity::median::median;
 use crate::laxity::{LaxityTrial, SignDoubt, Test};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,6 +12,8 @@ struct Scale {
     units: &'static [(&'static str, f64)],
     /// Readings of the part vary by less than this share of what the others do [-].
     share: f64,
+    /// The same where the part's tests do not load the coordinate; it also lies nearer to 0 than this share of where the others do [-].
+    coupled: f64,
     /// Readings lie no further from 0 than this, once they are in mm or deg.
     farthest: f64,
     /// The coordinate's own tests move a knee by no more than this at a flexion, once they are in mm or deg.
@@ -22,10 +25,14 @@ struct Scale {
 /// All limits are ours. They were tried on 173 files of published and simulated knees, cut ones among them. A test varies by 0.12 (VV), 0.17 (IE) and
 /// 0.49 (AP) of the others at the least, and a flexion by 0.23, 0.33 and 0.32. A degree read from radians is 0.017 of itself; a millimetre read from
 /// inches is 0.04 and from cm 0.1. Knees without a cruciate move by up to 30 mm and 104 deg at a flexion, and others by up to 30 deg VV.
-const SCALES: [Scale; 3] = [
-    Scale { of: VV, units: &RADIANS, share: 0.09, farthest: 30.0, widest: 45.0, least: [0.7, 1.0] },
-    Scale { of: IE, units: &RADIANS, share: 0.09, farthest: 60.0, widest: 110.0, least: [3.0, 3.0] },
-    Scale { of: AP, units: &LENGTHS, share: 0.2, farthest: 40.0, widest: 38.0, least: [5.0, 2.0] },
+///
+/// Readings that a test does not load may vary far less than the others, or lie far nearer to 0. In 108 such files none does both: the larger of the
+/// two shares is 0.20 (VV), 0.17 (IE), 0.22 (ML) and 0.19 (AP) at the least. No test loads ML, so that its `share` and `widest` judge nothing.
+const SCALES: [Scale; 4] = [
+    Scale { of: VV, units: &RADIANS, share: 0.09, coupled: 0.1, farthest: 30.0, widest: 45.0, least: [0.7, 1.0] },
+    Scale { of: IE, units: &RADIANS, share: 0.09, coupled: 0.1, farthest: 60.0, widest: 110.0, least: [3.0, 3.0] },
+    Scale { of: ML, units: &LENGTHS, share: 0.2, coupled: 0.15, farthest: 30.0, widest: 30.0, least: [1.0, 1.0] },
+    Scale { of: AP, units: &LENGTHS, share: 0.2, coupled: 0.15, farthest: 40.0, widest: 38.0, least: [5.0, 2.0] },
 ];
 const RADIANS: [(&str, f64); 1] = [("radians", 57.295_779_513_082_32)];
 const LENGTHS: [(&str, f64); 2] = [("cm", 10.0), ("inches", 25.4)];
@@ -35,6 +42,8 @@ const LEAST_READINGS: usize = 4;
 const LEAST_AT_A_FLEXION: [usize; 2] = [2, 3];
 /// Flexions over which a test varies.
 const LEAST_FLEXIONS: usize = 2;
+/// Other tests beside which a test's coupled readings are small.
+const LEAST_OTHER_TESTS: usize = 2;
 
 /// A reading of a pose: its test, nominal flexion [deg], load and value.
 struct Reading {
@@ -45,6 +54,7 @@ struct Reading {
 }
 
 /// A part of the readings that varies too little: what it is called, by how much it and the others vary, and the unit that would explain it.
+#[derive(Clone)]
 struct Small {
     part: String,
     varies: f64,
@@ -62,27 +72,75 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
         };
         let all: Vec<Reading> = poses.filter_map(reading).collect();
         let of_tests = of_a_test(&all, scale);
-        let found = if of_tests.is_empty() { of_a_flexion(&all, scale) } else { of_tests };
+        let of_flexions = || [of_a_flexion(&all, scale), of_a_coupled_flexion(&all, scale)].concat();
+        let found = if of_tests.is_empty() { of_flexions() } else { of_tests };
         told(&found, scale)
     };
     SCALES.iter().filter_map(one).collect()
 }
 
-/// Tests of the coordinate whose readings hardly vary over loads and flexions, beside those of the other tests.
+/// Tests whose readings hardly vary over loads and flexions, beside those of the other tests.
 fn of_a_test(all: &[Reading], scale: &Scale) -> Vec<Small> {
     let mut tests: BTreeMap<Test, Vec<&Reading>> = BTreeMap::new();
     all.iter().for_each(|r| tests.entry(r.test).or_default().push(r));
     tests.retain(|_, of| of.iter().map(|r| r.at).collect::<BTreeSet<_>>().len() >= LEAST_FLEXIONS);
     let one = |(test, of): (&Test, &Vec<&Reading>)| {
-        let own = test.coordinate() == Some(scale.of) && of.len() >= LEAST_READINGS;
-        let rest = tests.iter().filter(|(other, _)| *other != test);
-        let others = middle(rest.map(|(_, of)| span(of.iter().map(|r| r.value))).collect())?;
-        let varies = span(of.iter().map(|r| r.value));
-        let unit = scale.unit(varies / others, all, |r| r.test == *test)?;
+        let loaded = test.coordinate() == Some(scale.of);
+        let rest: Vec<[f64; 2]> =
+            tests.iter().filter(|(other, _)| *other != test).map(|(_, there)| size(there)).collect();
+        let enough = of.len() >= LEAST_READINGS && (loaded || rest.len() >= LEAST_OTHER_TESTS);
+        let small = small(of, &rest, scale, loaded)?;
+        let unit = scale.unit(small.share, small.most, all, |r| r.test == *test)?;
         let part = format!("in the {} trials", test.name());
-        (own && others >= scale.least[0]).then_some(Small { part, varies, others, unit })
+        let shown = enough && small.others >= scale.least[0];
+        shown.then_some(Small { part, varies: small.varies, others: small.others, unit })
     };
     tests.iter().filter_map(one).collect()
+}
+
+/// Flexions at which readings hardly vary and lie near 0, beside the other flexions, in a file without a test that loads the coordinate.
+fn of_a_coupled_flexion(all: &[Reading], scale: &Scale) -> Vec<Small> {
+    if all.iter().any(|r| r.test.coordinate() == Some(scale.of)) {
+        return Vec::new();
+    }
+    let [_, least_rest] = LEAST_AT_A_FLEXION;
+    let mut flexions: BTreeMap<i64, Vec<&Reading>> = BTreeMap::new();
+    all.iter().for_each(|r| flexions.entry(r.at).or_default().push(r));
+    flexions.retain(|_, of| of.len() >= least_rest);
+    let one = |(at, of): (&i64, &Vec<&Reading>)| {
+        let rest: Vec<[f64; 2]> =
+            flexions.iter().filter(|(other, _)| *other != at).map(|(_, there)| size(there)).collect();
+        let small = small(of, &rest, scale, false)?;
+        let unit = scale.unit(small.share, small.most, all, |r| r.at == *at)?;
+        let part = format!("at {at} deg");
+        let shown = small.others >= scale.least[1];
+        shown.then_some(Small { part, varies: small.varies, others: small.others, unit })
+    };
+    flexions.iter().filter_map(one).collect()
+}
+
+/// How far readings vary, and how far from 0 they lie at most.
+fn size(of: &[&Reading]) -> [f64; 2] {
+    [span(of.iter().map(|r| r.value)), of.iter().map(|r| r.value.abs()).fold(0.0, f64::max)]
+}
+
+/// A part of the readings beside the others: by how much both vary, the part's share, and the largest share that shows another unit.
+struct Beside {
+    varies: f64,
+    others: f64,
+    share: f64,
+    most: f64,
+}
+
+/// How small a part is beside `rest`, the [`size`] of each of the others; none where it does not vary at all.
+fn small(of: &[&Reading], rest: &[[f64; 2]], scale: &Scale, loaded: bool) -> Option<Beside> {
+    let [varies, lies] = size(of);
+    let [others, there] = [0, 1].map(|k| middle(rest.iter().map(|size| size[k]).collect()));
+    let (others, there) = (others?, there?);
+    // what no test moves may stand still; in another unit it lies near 0 as well
+    let (share, most) =
+        if loaded { (varies / others, scale.share) } else { ((varies / others).max(lies / there), scale.coupled) };
+    (varies > 0.0).then_some(Beside { varies, others, share, most })
 }
 
 /// How far readings vary at a flexion: under the coordinate's own loads, by load, and under the other tests' loads.
@@ -105,7 +163,7 @@ fn of_a_flexion(all: &[Reading], scale: &Scale) -> Vec<Small> {
         // a knee may be stiff in one of them; a unit makes all of them less
         let shares = [here.own / own, here.by_load / others(|v| v.by_load)?, here.coupled / others(|v| v.coupled)?];
         let share = shares.into_iter().fold(0.0, f64::max);
-        let unit = scale.unit(share, all, |r| r.at == *at)?;
+        let unit = scale.unit(share, scale.share, all, |r| r.at == *at)?;
         let part = format!("at {at} deg");
         (own >= scale.least[1]).then_some(Small { part, varies: here.own, others: own, unit })
     };
@@ -126,8 +184,8 @@ fn at_flexion(all: &[Reading], at: i64, c: Coordinate) -> Option<AtFlexion> {
 impl Scale {
     /// The unit in which a part's readings would vary most as the others do, by the share of these that they vary by; none where the share is no unit's,
     /// or no knee would be so in that unit.
-    fn unit(&self, share: f64, all: &[Reading], is_part: impl Fn(&Reading) -> bool) -> Option<&'static str> {
-        let is_small = share > 0.0 && share < self.share;
+    fn unit(&self, share: f64, most: f64, all: &[Reading], is_part: impl Fn(&Reading) -> bool) -> Option<&'static str> {
+        let is_small = share > 0.0 && share < most;
         let fits = self.units.iter().filter(|(_, factor)| is_small && self.is_a_knee(all, &is_part, *factor));
         let off = |factor: f64| (share * factor).ln().abs();
         fits.min_by(|a, b| off(a.1).total_cmp(&off(b.1))).map(|(unit, _)| *unit)
@@ -166,8 +224,6 @@ fn span(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The middle of a list; none of an empty one, nor where it is nothing.
-fn middle(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let [below, above] = [values.len().saturating_sub(1) / 2, values.len() / 2].map(|k| values.get(k).copied());
-    Some(f64::midpoint(below?, above?)).filter(|m| *m > 0.0)
+fn middle(values: Vec<f64>) -> Option<f64> {
+    median(values).filter(|m| *m > 0.0)
 }

@@ -131,12 +131,7 @@ fn structures(
         let number = match label {
             LabelName::Number(0) => return Err(format!("segmentation.{key} is 0, which is the background")),
             LabelName::Number(n) => own_number(map, key, *n)?,
-            LabelName::Name(name) => match map.names.iter().find(|(n, _)| n == name) {
-                Some((_, number)) => *number,
-                None => {
-                    return Err(format!("segmentation.{key}: no segment is called \"{name}\"; the file has {there}"));
-                }
-            },
+            LabelName::Name(name) => own_name(map, key, name, &there)?,
         };
         let tibial = |k: &str| k.starts_with("tibial_cartilage");
         if let Some((other, _)) = found.iter().find(|(k, n)| **n == number && !(tibial(k) && tibial(key))) {
@@ -174,6 +169,20 @@ fn called_otherwise(map: &LabelMap, (key, label): (&str, &LabelName), number: u8
             ))
             .of(key),
     )
+}
+
+/// The label of the one segment that is called so.
+fn own_name(map: &LabelMap, key: &str, name: &str, there: &str) -> Result<u8, String> {
+    let mut of: Vec<u8> = map.names.iter().filter(|(own, _)| own == name).map(|(_, number)| *number).collect();
+    of.dedup();
+    match of[..] {
+        [number] => Ok(number),
+        [] => Err(format!("segmentation.{key}: no segment is called \"{name}\"; the file has {there}")),
+        _ => Err(format!(
+            "segmentation.{key}: {} segments are called \"{name}\", so that the name does not tell which is meant; the file has {there}. Give each segment a name of its own",
+            of.len()
+        )),
+    }
 }
 
 /// The label that a number of the table means: in a file of several layers, that of the segment with this label value.
