@@ -126,7 +126,8 @@ fn a_step_of_a_protocol_without_equilibrium_is_a_row_without_an_answer() {
     let series = folder.path().join("series");
     let mut command = build_model();
     command.arg("export").arg(specimen()).args(["--format", "vtk", "--poses"]).arg(&out).arg("--out").arg(&series);
-    command.assert().success();
+    let told = contains("1 of 2 rows of").and(contains("has no equilibrium")).and(contains("the first: row 2"));
+    command.assert().success().stderr(told);
     let files = std::fs::read_dir(&series)
         .unwrap()
         .filter(|f| f.as_ref().unwrap().path().extension().is_some_and(|e| e == "vtu"));

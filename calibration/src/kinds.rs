@@ -39,8 +39,13 @@ impl Kinds {
             true => (0, self.here - self.subluxed),
             false => (self.subluxed, 0),
         };
-        let counts =
-            [(Difference::Subluxed, subluxed), (Difference::NotSubluxed, not), (Difference::Elsewhere, self.elsewhere)];
+        let stay = if most_probable.contains(&Flag::Dislocated) { self.here } else { 0 };
+        let counts = [
+            (Difference::OnPlateau, stay),
+            (Difference::Subluxed, subluxed),
+            (Difference::NotSubluxed, not),
+            (Difference::Elsewhere, self.elsewhere),
+        ];
         let told = counts.into_iter().filter(|(_, count)| *count > 0);
         told.map(|(how, count)| Flag::SamplesDiffer { how, count, of: asked }).collect()
     }
@@ -106,6 +111,7 @@ mod tests {
         let told = |own: &[Flag]| sim::flags::sentences(&found.flags(own, 48));
         assert_eq!(told(&[]), ["6 of 48 samples are subluxed"]);
         assert_eq!(told(&[Flag::Subluxed]), ["34 of 48 samples are not subluxed"]);
+        assert_eq!(told(&[Flag::Dislocated]), ["40 of 48 samples stay on the plateau", "6 of 48 samples are subluxed"]);
         assert!(Kinds { here: 40, subluxed: 0, elsewhere: 0 }.flags(&[], 48).is_empty());
         assert!(Kinds { here: 40, subluxed: 40, elsewhere: 0 }.flags(&[Flag::Subluxed], 48).is_empty());
         let apart = Kinds { elsewhere: 2, ..Kinds::default() }.flags(&[], 48);

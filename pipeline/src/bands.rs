@@ -131,9 +131,13 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
         r.flags.extend((!own.is_empty()).then_some(Flag::OutsideInterval(own)));
     }
     if bands.asked < FEWEST {
-        let what =
-            format!("--samples {}: no intervals; they need {FEWEST} samples, 0 is the single model", bands.asked);
-        return none(what);
+        let left = samples.len();
+        return none(match left < FEWEST {
+            true => format!("the calibration left {left} samples: no intervals; they need {FEWEST}"),
+            false => {
+                format!("--samples {}: no intervals; they need {FEWEST} samples, 0 is the single model", bands.asked)
+            }
+        });
     }
     let fewer = if asking.most > bands.asked {
         format!(" (all that it left; {} were asked for)", asking.most)

@@ -86,7 +86,9 @@ pub fn export(
     files.iter_mut().for_each(|file| beside::label(file, &loaded));
     // before the answers beside them, which take long
     edited::looked_at(out, &files, &beside::ANSWERS, force)?;
-    files.extend(beside::files(&loaded)?);
+    let (answers, missing) = beside::files(&loaded)?;
+    files.extend(answers);
+    warnings.extend(missing);
     let earlier = edited::guarded(out, &mut files, force)?;
     store::write_all(out, &files)?;
     earlier.removed(out);
@@ -131,7 +133,10 @@ fn written(
         (Format::Vtk, None) => {
             (texts(sim::vtk::export(&loaded.spec, &loaded.meshes, &Isometry::identity(), &[])), Vec::new())
         }
-        (Format::Vtk, Some(poses)) => (series::files(loaded, poses, &store::read(poses)?)?, Vec::new()),
+        (Format::Vtk, Some(poses)) => {
+            let (files, missing) = series::files(loaded, poses, &store::read(poses)?)?;
+            (files, missing.into_iter().collect())
+        }
         (Format::Stl, _) => (surfaces(loaded, "stl")?, Vec::new()),
         (Format::Ply, _) => (surfaces(loaded, "ply")?, Vec::new()),
         (Format::Glb, _) => (vec![("model.glb".to_owned(), gltf::glb(loaded))], Vec::new()),

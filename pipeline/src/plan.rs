@@ -34,6 +34,7 @@ pub use chances::{ChanceTold, FailTold};
 use clap::Args;
 pub use file::{EXAMPLE, GraftFile, PlanFile, SiteFile, TestsFile, parsed, read};
 pub use knee::Surfaces;
+use notices::Kind;
 pub use numbers::Value;
 pub use outcome::{GraftTold, Outcome, SCHEMA, TestTold, outcome};
 use std::path::PathBuf;
@@ -80,6 +81,10 @@ pub struct PlanArgs {
     pub quiet: bool,
 }
 
+/// What is said where samples are asked of a calibration that left none.
+const NO_SAMPLES: &str =
+    "the calibration left no samples: no intervals and no chances; calibrate with inference.samples above 1";
+
 /// Plans, and writes what comes of it.
 pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
     if args.example {
@@ -101,6 +106,9 @@ pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
         args.sweep.as_deref().map(|place| Ok::<_, BuildError>((sweep::read(place, &file)?, place))).transpose()?;
     let loaded = model_file::load_which(model, &args.which)?;
     let (samples, mut notices) = if args.samples > 0 { bands::of(&loaded)? } else { (None, vec![]) };
+    let has_none = samples.as_ref().is_some_and(Samples::is_empty);
+    notices.extend(has_none.then(|| Kind::NoIntervals.notice(NO_SAMPLES)));
+    let samples = samples.filter(|s| !s.is_empty());
     notices.extend(model_file::left_out(&loaded.spec, "plan"));
     let which = samples.as_ref().map(|s| (s, chosen(s, args)));
     if let Some((sweep, place)) = &sweep {

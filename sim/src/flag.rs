@@ -27,6 +27,8 @@ pub enum Flag {
     PatellaOffGroove,
     /// The patella rests elsewhere within a degree of flexion, or where it is sought from the other side.
     PatellaSnaps,
+    /// The patellar tendon bears far more than the quadriceps pull: the retinacula hold the patella.
+    PatellaHeld,
     /// Explicit dynamics that ended before they were at rest.
     Moving,
     /// Explicit dynamics that were stopped on the way: the answer is the quasi-static one.
@@ -74,6 +76,8 @@ pub enum Difference {
     NotSubluxed,
     /// A gap parts their poses from its own: they rest in another equilibrium.
     Elsewhere,
+    /// It has left the plateau, and they have not: mean and interval are of them, and its own value is not.
+    OnPlateau,
 }
 
 impl Difference {
@@ -86,6 +90,8 @@ impl Difference {
             (Difference::NotSubluxed, true) => "is not subluxed",
             (Difference::Elsewhere, false) => "rest elsewhere",
             (Difference::Elsewhere, true) => "rests elsewhere",
+            (Difference::OnPlateau, false) => "stay on the plateau",
+            (Difference::OnPlateau, true) => "stays on the plateau",
         }
     }
 }
@@ -149,6 +155,7 @@ impl Display for Flag {
             Flag::PatellaUnbalanced => f.write_str("patella out of balance"),
             Flag::PatellaOffGroove => f.write_str("patella off the groove"),
             Flag::PatellaSnaps => f.write_str("patella snaps"),
+            Flag::PatellaHeld => f.write_str("patellar tendon beyond the pull of the quadriceps"),
             Flag::Moving => f.write_str("still moving"),
             Flag::Stopped => f.write_str("explicit dynamics stopped early: the quasi-static answer"),
             Flag::Apart(cause) => write!(f, "solvers apart: {}", cause.words()),
@@ -215,6 +222,11 @@ mod tests {
         assert_eq!(
             each_once(mixed.iter()),
             ["1 of 48 samples leaves the plateau", "3 of 48 samples are subluxed", "2 of 48 samples rest elsewhere"]
+        );
+        let here = |count| differ(Difference::OnPlateau, count).to_string();
+        assert_eq!(
+            [here(1), here(47)],
+            ["1 of 48 samples stays on the plateau", "47 of 48 samples stay on the plateau"]
         );
     }
 

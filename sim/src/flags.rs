@@ -67,6 +67,7 @@ fn patella(model: &Model, gs: &Six, evaluation: &Evaluation) -> Vec<Flag> {
         (!state.is_balanced(), Flag::PatellaUnbalanced),
         (doubts.off_groove, Flag::PatellaOffGroove),
         (doubts.snaps, Flag::PatellaSnaps),
+        (state.is_held(), Flag::PatellaHeld),
     ];
     flags.into_iter().filter(|f| f.0).map(|f| f.1).collect()
 }

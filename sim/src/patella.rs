@@ -43,6 +43,10 @@ pub const NAME: &str = "patella";
 /// Forces on the patella balance within this share of the quadriceps' tension, moments at [`ARM`] [-].
 const BALANCED: f64 = 1e-3;
 
+/// A tendon that bears more than this share of the quadriceps' tension is pulled by something else [-]. The most that was read is 1.16 [buff1988];
+/// ours: some scatter of persons.
+const MOST_TENDON: f64 = 1.3;
+
 /// The next patella's number.
 static NEXT: AtomicU64 = AtomicU64::new(1);
 
@@ -133,6 +137,11 @@ impl PatellaState {
     /// Whether its forces balance.
     pub fn is_balanced(&self) -> bool {
         self.unbalanced_n <= BALANCED * self.quadriceps_n.max(1.0)
+    }
+
+    /// Whether its tendon bears more than the quadriceps give it: the retinacula hold the patella.
+    pub fn is_held(&self) -> bool {
+        self.tendon_n > MOST_TENDON * self.quadriceps_n
     }
 }
 
@@ -454,4 +463,23 @@ fn quadriceps(spec: &QuadricepsSpec, frames: &FramesSpec) -> Result<(Vec<Head>, 
         return fault("a head has no length".into());
     }
     Ok((heads, Cylinder { point: spec.wrap.point.coords, axes: [axis, front, up], radius }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tendon_beyond_the_pull_is_told_at_any_tension() {
+        let is_held = |quadriceps_n: f64, share: f64| {
+            let tendon_n = share * quadriceps_n;
+            let (pose, retinacula) = (Six::zeros(), vec![]);
+            PatellaState { pose, quadriceps_n, tendon_n, retinacula, contact_n: 0.0, area_mm2: 0.0, unbalanced_n: 0.0 }
+                .is_held()
+        };
+        for tension in [1.0, 10.0, 1000.0] {
+            assert!(is_held(tension, 4.4) && is_held(tension, 1.31), "{tension}");
+            assert!(!is_held(tension, 1.29) && !is_held(tension, 0.6), "{tension}");
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The protocols by explicit dynamics, and the quasi-static answer beside them as the check.
 
 use crate::apart::{Apart, Checked};
-use crate::validate::Source;
+use crate::validate::{Source, leaves_plateau};
 use notices::{Kind, Notice};
 use rayon::prelude::*;
 use sim::SimError;
@@ -42,6 +42,8 @@ pub fn explicit(quasi: &Source, model: &Model, options: &ProtocolOptions) -> Res
             );
             told.push(Kind::ExplicitStopped.notice(what).of(&name).count(stopped));
         }
+        // of the quasi-static rows it was said before
+        let is_said = rows.iter().any(Source::is_dislocated);
         for (row, by) in rows.iter_mut().zip(found) {
             match by {
                 Ok(by) => *row = with_other_rests(by, row),
@@ -50,6 +52,8 @@ pub fn explicit(quasi: &Source, model: &Model, options: &ProtocolOptions) -> Res
                 Err(_) => {}
             }
         }
+        let is_new = !is_said && rows.iter().any(Source::is_dislocated);
+        told.extend(is_new.then(|| leaves_plateau(&name, protocol)));
     }
     Ok((out, told))
 }

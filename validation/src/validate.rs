@@ -108,13 +108,7 @@ impl Source {
         };
         for (protocol, rows) in source.protocols() {
             warnings.extend(lost_rows(name, protocol, rows));
-            if rows.iter().any(Source::is_dislocated) {
-                warnings.push(
-                    Kind::LeavesPlateau
-                        .notice(format!("{name}: {protocol}: the femur leaves the plateau; its rows are unreliable"))
-                        .of(name),
-                );
-            }
+            warnings.extend(rows.iter().any(Source::is_dislocated).then(|| leaves_plateau(name, protocol)));
         }
         Ok((source, warnings))
     }
@@ -202,6 +196,12 @@ impl Source {
     pub fn is_dislocated(result: &TrialResult) -> bool {
         result.flags.contains(&Flag::Dislocated)
     }
+}
+
+/// What is said of a protocol in which the femur leaves the plateau.
+pub(crate) fn leaves_plateau(name: &str, protocol: &str) -> Notice {
+    let what = format!("{name}: {protocol}: the femur leaves the plateau; its rows are unreliable");
+    Kind::LeavesPlateau.notice(what).of(name)
 }
 
 /// What is said of a protocol's rows without equilibrium.

@@ -11,6 +11,7 @@ use crate::{bands, record};
 use calibration::inferred::REST_DEG;
 use calibration::posterior::is_outside;
 use calibration::session::ap_probes;
+use notices::{Kind, Notice};
 use serde_json::json;
 use sim::coordinate::Load;
 use sim::flags::Flag;
@@ -24,8 +25,8 @@ use std::fmt::Write;
 pub(super) const ANSWERS: [&str; 2] = ["ligament_forces.csv", "predictions.csv"];
 
 /// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest, in drawers and in the paper's protocols;
-/// `predictions.csv`: the same with poses, group sums and contact, as `simulate` tells them.
-pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
+/// `predictions.csv`: the same with poses, group sums and contact, as `simulate` tells them. Beside the files stands what has no answer.
+pub(super) fn files(loaded: &LoadedModel) -> Result<(Vec<File>, Vec<Notice>), BuildError> {
     let spec = &loaded.spec;
     let (to, file) = (spec.calibrated.as_ref().map(|c| &c.to), loaded.place());
     let told = json!({
@@ -34,13 +35,32 @@ pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
         "not_independent": of_others(loaded),
     });
     let mut out = vec![("model.source.json".to_owned(), record::json(&told))];
-    let Ok(model) = sim::compile(spec, &loaded.meshes) else { return Ok(out) };
-    let (bundles, results) = (model.bundle_names(), asked(loaded, &model)?);
+    let Ok(model) = sim::compile(spec, &loaded.meshes) else { return Ok((out, vec![])) };
+    let (bundles, (results, without)) = (model.bundle_names(), asked(loaded, &model)?);
     if !results.is_empty() {
         let texts = [forces(&bundles, &results), results_csv(&bundles, &results)];
         out.extend(ANSWERS.into_iter().zip(texts).map(|(name, text)| (name.to_owned(), text.into_bytes())));
     }
-    Ok(out)
+    Ok((out, missing(&results, &without)))
+}
+
+/// What is said of answers that are missing: of rows without equilibrium, and of parts `without` any.
+fn missing(results: &[TrialResult], without: &[&str]) -> Vec<Notice> {
+    let lost: Vec<&str> = results.iter().filter(|r| !has_answer(r)).map(|r| r.trial.trial.as_str()).collect();
+    let rows = lost.first().map(|first| {
+        let (n, have) = (lost.len(), if lost.len() == 1 { "has" } else { "have" });
+        let text = format!(
+            "{n} of {} rows of {} {have} no equilibrium, and no answer there; the first: {first}",
+            results.len(),
+            ANSWERS[1]
+        );
+        Kind::RowFlagged.notice(text).count(n)
+    });
+    let parts = (!without.is_empty()).then(|| {
+        let text = format!("no row has an equilibrium in {}: {} has none of them", without.join(", "), ANSWERS[1]);
+        Kind::RowFlagged.notice(text).count(without.len())
+    });
+    rows.into_iter().chain(parts).collect()
 }
 
 /// The sentence on other knees whose data are in the model's prior; none where no knee's are.
@@ -63,11 +83,13 @@ pub(super) fn label((name, bytes): &mut File, loaded: &LoadedModel) {
     }
 }
 
-/// Answers at rest, in drawers and in each protocol of the paper, with bands; a part without an equilibrium in any row is left out.
-fn asked(loaded: &LoadedModel, model: &Model) -> Result<Vec<TrialResult>, BuildError> {
+/// Answers at rest, in drawers and in each protocol of the paper, with bands; and the names of parts without an equilibrium in any row, which are left
+/// out.
+fn asked(loaded: &LoadedModel, model: &Model) -> Result<(Vec<TrialResult>, Vec<&'static str>), BuildError> {
     let bundles = model.bundle_names();
     let mut out = Vec::new();
-    for (protocol, mut results) in parts(model) {
+    let (parts, without) = parts(model);
+    for (protocol, mut results) in parts {
         let pivot = protocol == Some(Protocol::PivotShift);
         let asking = Asking {
             bundles: &bundles,
@@ -80,7 +102,7 @@ fn asked(loaded: &LoadedModel, model: &Model) -> Result<Vec<TrialResult>, BuildE
         results.iter_mut().for_each(|r| r.trial.trial = of_part(protocol, r));
         out.extend(results);
     }
-    Ok(out)
+    Ok((out, without))
 }
 
 /// Forces of every bundle [N].
@@ -110,11 +132,16 @@ fn cells(mode: f64, band: Option<Band>) -> String {
 
 /// A row's name: drawers as in forces.csv of a calibration, rows of a protocol with its name before theirs.
 fn of_part(protocol: Option<Protocol>, r: &TrialResult) -> String {
+    let own = &r.trial.trial;
+    protocol.map_or_else(|| own.clone(), |protocol| format!("{} {own}", name_of(protocol)))
+}
+
+/// A protocol's name in these files.
+fn name_of(protocol: Protocol) -> &'static str {
     match protocol {
-        None => r.trial.trial.clone(),
-        Some(Protocol::ApLaxity) => format!("ap_laxity {}", r.trial.trial),
-        Some(Protocol::PassiveFlexion) => format!("passive_flexion {}", r.trial.trial),
-        Some(Protocol::PivotShift) => format!("pivot_shift {}", r.trial.trial),
+        Protocol::ApLaxity => "ap_laxity",
+        Protocol::PassiveFlexion => "passive_flexion",
+        Protocol::PivotShift => "pivot_shift",
     }
 }
 
@@ -123,8 +150,11 @@ fn has_answer(r: &TrialResult) -> bool {
     !r.flags.contains(&Flag::NoEquilibrium)
 }
 
-/// Rest and drawers, then the protocols; one without an equilibrium in any row is left out.
-fn parts(model: &Model) -> Vec<(Option<Protocol>, Vec<TrialResult>)> {
+/// A part's rows, and of which protocol they are; none: rest and drawers.
+type Part = (Option<Protocol>, Vec<TrialResult>);
+
+/// Rest and drawers, then the protocols; and the names of those without an equilibrium in any row.
+fn parts(model: &Model) -> (Vec<Part>, Vec<&'static str>) {
     let rest =
         |f: &f64| LaxityTrial::asked(format!("neutral_{f}"), Test::Neutral, *f, Load::compression(COMPRESSION_N));
     let trials: Vec<LaxityTrial> = REST_DEG.iter().map(rest).chain(ap_probes()).collect();
@@ -134,13 +164,38 @@ fn parts(model: &Model) -> Vec<(Option<Protocol>, Vec<TrialResult>)> {
         answer.map_or_else(|_| TrialResult::without_equilibrium(trial, bundles), |a| a.result(trial))
     };
     let asked: Vec<TrialResult> = answers.into_iter().zip(&trials).map(row).collect();
-    let mut out: Vec<_> = asked.iter().any(has_answer).then_some((None, asked)).into_iter().collect();
-    for protocol in [Protocol::ApLaxity, Protocol::PassiveFlexion, Protocol::PivotShift] {
-        let run = protocols::run(model, protocol, &ProtocolOptions::default());
-        out.extend(run.into_iter().map(|results| (Some(protocol), results)));
+    let (mut out, mut without) = (Vec::new(), Vec::new());
+    match asked.iter().any(has_answer) {
+        true => out.push((None, asked)),
+        false => without.push("rest and drawers"),
     }
-    out
+    for protocol in [Protocol::ApLaxity, Protocol::PassiveFlexion, Protocol::PivotShift] {
+        match protocols::run(model, protocol, &ProtocolOptions::default()) {
+            Ok(results) => out.push((Some(protocol), results)),
+            Err(_) => without.push(name_of(protocol)),
+        }
+    }
+    (out, without)
 }
 
 /// Joint compression in these trials [N]; the paper's.
 const COMPRESSION_N: f64 = 20.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_and_parts_without_an_answer_are_counted_and_the_first_is_named() {
+        let trial = |name: &str| LaxityTrial::asked(name.into(), Test::Neutral, 30.0, Load::default());
+        let lost = |name: &str| TrialResult::without_equilibrium(&trial(name), 0);
+        let found = |name: &str| TrialResult { flags: vec![Flag::Dislocated], ..lost(name) };
+        assert!(missing(&[found("a")], &[]).is_empty());
+        let told = missing(&[found("a"), lost("pivot_shift b"), lost("c")], &["passive_flexion"]);
+        let told: Vec<String> = told.iter().map(ToString::to_string).collect();
+        assert_eq!(told.len(), 2);
+        assert!(told[0].starts_with("2 of 3 rows of predictions.csv have no equilibrium"), "{}", told[0]);
+        assert!(told[0].ends_with("the first: pivot_shift b"), "{}", told[0]);
+        assert!(told[1].contains("in passive_flexion"), "{}", told[1]);
+    }
+}

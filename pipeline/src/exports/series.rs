@@ -4,6 +4,7 @@ use super::{File, named};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::{Isometry, Point};
+use notices::{Kind, Notice};
 use sim::coordinate::Six;
 use sim::joint::Joint;
 use std::fmt::Write;
@@ -18,13 +19,18 @@ struct Row {
 }
 
 /// model.pvd and model_0000.vtu, ...: a file a row of `table` (results of `simulate`, protocols of `validate`), time being the row's number. A row without
-/// equilibrium has no pose and no file.
-pub(super) fn files(model: &LoadedModel, place: &Path, table: &[u8]) -> Result<Vec<File>, BuildError> {
+/// equilibrium has no pose and no file; beside the files stands how many there are.
+pub(super) fn files(
+    model: &LoadedModel,
+    place: &Path,
+    table: &[u8],
+) -> Result<(Vec<File>, Option<Notice>), BuildError> {
     let fault = |e: String| BuildError::in_file(place, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(|e| fault(e.to_string()))?;
     let mut out = Vec::new();
     let mut list = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\"><Collection>\n".to_owned();
-    for (n, row) in rows(table).map_err(&fault)?.iter().enumerate() {
+    let rows = rows(table).map_err(&fault)?;
+    for (n, row) in rows.iter().enumerate() {
         let Some(row) = row else { continue };
         let q = joint.coordinates(&row.pose).map_err(|e| fault(format!("row {}: {e}", n + 1)))?;
         let name = format!("model_{n:04}.vtu");
@@ -33,7 +39,21 @@ pub(super) fn files(model: &LoadedModel, place: &Path, table: &[u8]) -> Result<V
     }
     list += "</Collection></VTKFile>\n";
     out.push(("model.pvd".into(), list.into_bytes()));
-    Ok(out)
+    Ok((out, without_pose(&rows, place)))
+}
+
+/// What is said of rows without a pose; nothing where each has one.
+fn without_pose(rows: &[Option<Row>], place: &Path) -> Option<Notice> {
+    let count = rows.iter().filter(|r| r.is_none()).count();
+    let first = rows.iter().position(Option::is_none)?;
+    let have = if count == 1 { "has" } else { "have" };
+    let text = format!(
+        "{count} of {} rows of {} {have} no equilibrium, and no file in the series; the first: row {}",
+        rows.len(),
+        place.display(),
+        first + 1
+    );
+    Some(Kind::RowFlagged.notice(text).count(count))
 }
 
 /// The rows in their order; none of one without equilibrium, whose pose is empty but for the flexion.

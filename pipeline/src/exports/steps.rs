@@ -34,11 +34,7 @@ pub(super) fn by_flexion(model: &LoadedModel, asked: Option<&Path>) -> Result<(V
         let text = format!("protocols that move other coordinates than flexion are left out: {}", names.join(", "));
         warnings.push(Kind::NotInFormat.notice(text).count(names.len()));
     }
-    let pulled = trials.iter().filter(|t| t.quadriceps_n != 0.0).count();
-    if pulled > 0 {
-        let text = format!("{pulled} trials have a pull of the quadriceps; their files are without it");
-        warnings.push(Kind::NotInFormat.notice(text).count(pulled));
-    }
+    warnings.extend(decks::without_quadriceps(&trials, "files are without it"));
     Ok((kept, warnings))
 }
 

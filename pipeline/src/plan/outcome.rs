@@ -249,6 +249,9 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
         odd: vec![],
         beyond: vec![],
     };
+    for c in [AP, IE, VV] {
+        told.off.extend(numbers.change(c, [0, t], [2, t]).map(|v| (c.column(), v)));
+    }
     for (state, name) in STATES.into_iter().enumerate() {
         let mut values = BTreeMap::new();
         for [own, column] in columns(file) {
@@ -259,21 +262,40 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
             }
         }
         let laxity = one.rest.and_then(|rest| numbers.change(main, [state, rest], [state, t]));
-        values.extend(laxity.map(|v| ("laxity".to_owned(), v)));
-        let outside = values.iter().filter(|(name, v)| is_pose_or_force(name) && v.is_outside());
-        let outside = outside.map(|(name, _)| name.clone()).collect();
+        values.extend(laxity.map(|v| (LAXITY.to_owned(), v)));
+        let outside = outside([&values, &told.off], state == 2);
         let borne = too_much(&file.graft, one.kind, &values);
         told.states.insert(name.to_owned(), values);
-        let flags = odd(numbers, [state, t], outside);
+        let mut flags = odd(numbers, [state, t], outside);
+        flags.extend(one.rest.and_then(|rest| from_nowhere(numbers, [state, rest])));
         told.flags.insert(name.to_owned(), [sentences(&flags), borne.clone()].concat());
         if state == 2 {
             (told.odd, told.beyond) = (flags, borne);
         }
     }
-    for c in [AP, IE, VV] {
-        told.off.extend(numbers.change(c, [0, t], [2, t]).map(|v| (c.column(), v)));
-    }
     told
+}
+
+/// The laxity of a state, by its name among its values.
+const LAXITY: &str = "laxity";
+
+/// What of the most probable knee lies outside its own interval: of a state's values, and of the reconstructed one how far it lies `off` the intact one.
+fn outside([values, off]: [&BTreeMap<String, Value>; 2], is_reconstructed: bool) -> Vec<String> {
+    let counts = |name: &str| is_pose_or_force(name) || name == LAXITY || name.starts_with("graft_");
+    let own = values.iter().filter(|(name, _)| counts(name));
+    let own = own.filter(|(_, v)| v.is_outside()).map(|(name, _)| name.clone());
+    let off = off.iter().filter(|(_, v)| is_reconstructed && v.is_outside());
+    own.chain(off.map(|(name, _)| format!("off_{name}"))).collect()
+}
+
+/// What is odd about the unloaded pose from which a laxity counts: off the plateau it is no pose of a knee, nor is where none was found.
+fn from_nowhere(numbers: &Numbers, at: At) -> Option<Flag> {
+    let flag = match &numbers.best[at[0]][at[1]] {
+        None => Flag::NoEquilibrium,
+        Some(found) if found.flags.contains(&Flag::Dislocated) => Flag::Dislocated,
+        Some(_) => return None,
+    };
+    Some(Flag::Unloaded(Box::new(flag)))
 }
 
 /// What is odd about a state in a test: the most probable knee's flags, how many samples have left the plateau or rest in another way, and what of the
@@ -299,6 +321,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_laxity_and_a_difference_outside_their_intervals_are_named() {
+        let value = |value: f64| Value { value, mean: Some(0.0), lower: Some(-1.0), upper: Some(1.0) };
+        let of = |all: &[(&str, f64)]| -> BTreeMap<String, Value> {
+            all.iter().map(|(name, x)| ((*name).to_owned(), value(*x))).collect()
+        };
+        let (inside, contact) = (("ap_mm", 0.5), ("contact_medial_force_n", 9.0));
+        let values = of(&[inside, contact, ("graft_g_n", 5.0), ("ie_deg", 3.0), (LAXITY, 2.0)]);
+        let off = of(&[("ap_mm", -4.0), ("vv_deg", 0.0)]);
+        assert_eq!(outside([&values, &off], false), ["graft_g_n", "ie_deg", "laxity"]);
+        assert_eq!(outside([&values, &off], true), ["graft_g_n", "ie_deg", "laxity", "off_ap_mm"]);
+    }
+
+    #[test]
     fn a_sample_off_the_plateau_has_no_place_in_a_plans_differences_and_is_counted() {
         // intact and deficient rest at 0 to 8 mm, reconstructed half a mm further; two more are off the plateau
         let off = |state: usize, s: usize| (state == 0 && s == 9) || (state == 2 && s == 10);
@@ -317,6 +352,16 @@ mod tests {
         assert!([change.value, change.mean.unwrap(), change.lower.unwrap()].iter().all(|x| (x - 0.5).abs() < 1e-12));
         assert_eq!(sentences(&odd(&with, [0, 0], vec![])), ["1 of 11 samples leaves the plateau"]);
         assert!(odd(&with, [1, 0], vec![]).is_empty());
+        // a laxity counts from a pose off the plateau, or from none
+        let rests = |found: Option<Found>| {
+            let best = [0, 1, 2].map(|_| vec![found.clone()]);
+            from_nowhere(&Numbers { best, sampled: None }, [1, 0])
+        };
+        let at_rest = |flags: Vec<Flag>| Found { pose: pose(0.0), told: vec![], flags };
+        let told = |flag: Option<Flag>| flag.map(|f| f.to_string());
+        assert_eq!(told(rests(None)).as_deref(), Some("unloaded: no equilibrium"));
+        assert_eq!(told(rests(Some(at_rest(vec![Flag::Dislocated])))).as_deref(), Some("unloaded: dislocated"));
+        assert!(rests(Some(at_rest(vec![Flag::Subluxed]))).is_none());
         // of more than half off the plateau there is no interval, and the value stays
         let none = numbers(9, &|state, s| state == 0 && s < 5).change(AP, [0, 0], [2, 0]).unwrap();
         assert_eq!((none.value, none.mean, none.lower), (0.5, None, None));

@@ -78,7 +78,7 @@ fn summary(out: &Outcome) -> String {
     let cut = if out.cut.is_empty() { "Nothing is cut.".into() } else { format!("Cut: {}.", out.cut.join(", ")) };
     let _ = write!(text, "{} ", escaped(&cut));
     match out.samples {
-        0 => text += "The knee is taken as known: no intervals.",
+        0 => text += "The most probable knee alone was asked: no intervals and no chances.",
         n => {
             let _ = write!(text, "{n} knees that fit the measurements were operated on.");
         }
@@ -130,13 +130,17 @@ fn bears(out: &Outcome) -> String {
     format!("<h2>What the grafts bear</h2>{}", table(&header, rows))
 }
 
+/// What is odd about these states in a test.
+fn odd(t: &TestTold, states: &[&str]) -> String {
+    let flagged = t.flags.iter().filter(|(s, f)| states.contains(&s.as_str()) && !f.is_empty());
+    flagged.map(|(s, f)| format!("{s}: {}", f.join(", "))).collect::<Vec<_>>().join("; ")
+}
+
 fn laxities(out: &Outcome) -> String {
     let rows = out.tests.iter().filter(|t| t.test != "unloaded").map(|t| {
-        let odd: Vec<String> =
-            t.flags.iter().filter(|(_, f)| !f.is_empty()).map(|(s, f)| format!("{s}: {}", f.join(", "))).collect();
         let mut row = vec![t.test.clone(), format!("{}", t.flexion_deg)];
         row.extend(STATES.map(|s| shown(value(t, s, "laxity"), 1)));
-        row.extend([unit(t).to_owned(), odd.join("; ")]);
+        row.extend([unit(t).to_owned(), odd(t, &STATES)]);
         row
     });
     table(&words(&["test", "flexion, deg", "intact", "deficient", "reconstructed", "unit", "odd"]), rows)
@@ -150,6 +154,7 @@ fn differences(out: &Outcome) -> String {
             let name = format!("contact_{side}_force_n");
             row.extend([0, 2].map(|s| shown(value(t, STATES[s], &name), 0)));
         }
+        row.push(odd(t, &[STATES[0], STATES[2]]));
         row
     });
     let header = words(&[
@@ -162,6 +167,7 @@ fn differences(out: &Outcome) -> String {
         "reconstructed",
         "lateral contact intact, N",
         "reconstructed",
+        "odd",
     ]);
     table(&header, rows)
 }

@@ -37,30 +37,50 @@ fn quoted(words: &str) -> String {
     if words.contains([',', '"', '\n']) { format!("\"{}\"", words.replace('"', "\"\"")) } else { words.to_owned() }
 }
 
-/// plan.csv: a row a value.
+/// The state by which plan.csv calls how far the reconstructed knee lies from the intact one.
+const AGAINST: &str = "reconstructed less intact";
+
+/// What is odd about a state; about a difference what is odd about either of its ends.
+fn odd(t: &TestTold, state: &str) -> String {
+    let of = |state: &str| t.flags.get(state).map_or(String::new(), |f| f.join("; "));
+    if state != AGAINST {
+        return of(state);
+    }
+    let ends = [STATES[0], STATES[2]].map(|end| (end, of(end)));
+    let odd = ends.iter().filter(|(_, flags)| !flags.is_empty()).map(|(end, flags)| format!("{end}: {flags}"));
+    odd.collect::<Vec<_>>().join("; ")
+}
+
+/// plan.csv: a row a value. A state without any is a row that says why.
 pub(super) fn csv(out: &Outcome) -> String {
     let mut text = String::from("test,flexion_deg,state,quantity,value,mean,lower,upper,flags\n");
+    out.tests.iter().for_each(|t| rows(&mut text, t));
+    text
+}
+
+/// The rows of a test.
+fn rows(text: &mut String, t: &TestTold) {
     let cell = |x: Option<f64>| x.map_or(String::new(), |x| format!("{x:.4}"));
-    for t in &out.tests {
-        let states = STATES.iter().filter_map(|s| Some((*s, t.states.get(*s)?)));
-        for (state, values) in states.chain([("reconstructed less intact", &t.off)]) {
-            let flags = quoted(&t.flags.get(state).map_or(String::new(), |f| f.join("; ")));
-            for (name, v) in values {
-                let name = quoted(name);
-                let _ = writeln!(
-                    text,
-                    "{},{},{state},{name},{:.4},{},{},{},{flags}",
-                    t.test,
-                    t.flexion_deg,
-                    v.value,
-                    cell(v.mean),
-                    cell(v.lower),
-                    cell(v.upper)
-                );
-            }
+    let states = STATES.iter().filter_map(|s| Some((*s, t.states.get(*s)?)));
+    for (state, values) in states.chain([(AGAINST, &t.off)]) {
+        let flags = quoted(&odd(t, state));
+        if values.is_empty() && !flags.is_empty() {
+            let _ = writeln!(text, "{},{},{state},,,,,,{flags}", t.test, t.flexion_deg);
+        }
+        for (name, v) in values {
+            let name = quoted(name);
+            let _ = writeln!(
+                text,
+                "{},{},{state},{name},{:.4},{},{},{},{flags}",
+                t.test,
+                t.flexion_deg,
+                v.value,
+                cell(v.mean),
+                cell(v.lower),
+                cell(v.upper)
+            );
         }
     }
-    text
 }
 
 /// The unit of a test's own coordinate.
@@ -110,6 +130,35 @@ fn fails(f: &FailTold) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn a_difference_has_the_flags_of_both_ends_and_a_state_without_values_has_a_row() {
+        let value = Value { value: 1.0, mean: None, lower: None, upper: None };
+        let some = || BTreeMap::from([("ap_mm".to_owned(), value)]);
+        let flags = [("intact", "subluxed"), ("deficient", "no equilibrium"), ("reconstructed", "dislocated")];
+        let t = TestTold {
+            test: "valgus".into(),
+            flexion_deg: 30.0,
+            load: [0.0; 5],
+            states: STATES.map(|s| (s.to_owned(), if s == "deficient" { BTreeMap::new() } else { some() })).into(),
+            flags: flags.map(|(s, f)| (s.to_owned(), vec![f.to_owned()])).into(),
+            off: some(),
+            chance: None,
+            counts: None,
+            odd: vec![],
+            beyond: vec![],
+        };
+        let mut text = String::new();
+        rows(&mut text, &t);
+        let expected = [
+            "valgus,30,intact,ap_mm,1.0000,,,,subluxed",
+            "valgus,30,deficient,,,,,,no equilibrium",
+            "valgus,30,reconstructed,ap_mm,1.0000,,,,dislocated",
+            "valgus,30,reconstructed less intact,ap_mm,1.0000,,,,intact: subluxed; reconstructed: dislocated",
+        ];
+        assert_eq!(text.lines().collect::<Vec<_>>(), expected);
+    }
 
     #[test]
     fn what_rounds_to_nothing_has_no_sign_and_all_else_keeps_its_own() {

@@ -13,6 +13,7 @@ const liveWords = (() => {
     "several equilibria": "Under the same loads the knee may rest in another place, too.",
     "no equilibrium": "No pose was found in which all forces cancel.", "still moving": "The knee has not come to rest.",
     "patella out of balance": "The patella's forces do not balance.", "patella off the groove": "The patella lies beside its groove, or in the notch.",
+    "patellar tendon beyond the pull of the quadriceps": "The retinacula hold the patella: its tendon bears more than the muscle pulls.",
     "patella snaps": "The patella rests elsewhere a degree of flexion further, or where it comes from the other side.",
     "explicit dynamics stopped early: the quasi-static answer": "The solver in time was stopped early: this is the answer without inertia.",
   };
@@ -24,7 +25,7 @@ const liveWords = (() => {
 
   // "3 of 32 samples are subluxed" as "3 are subluxed", "1 is subluxed"
   /** @type {Record<string, string>} */
-  const SINGULAR = { are: "is", rest: "rests", leave: "leaves", have: "has" };
+  const SINGULAR = { are: "is", rest: "rests", leave: "leaves", have: "has", stay: "stays" };
   /** @type {(n: number, verb: string, rest: string) => string} */
   const counted = (n, verb, rest) => `${n} ${n === 1 ? SINGULAR[verb] || verb : verb} ${rest}`;
   /** @type {(text: string) => string} */

@@ -4,7 +4,7 @@ use super::options::ExplicitOptions;
 use super::program::{Course, Drive, Program, Step};
 use super::state::ExplicitState;
 use super::{Observer, run};
-use crate::coordinate::{AP, FE, SI, Six};
+use crate::coordinate::{AP, FE, ML, SI, Six};
 use crate::deck::{Control, ControlKind, Curve, DeckProtocol};
 use crate::error::SimError;
 use crate::flags::Flag;
@@ -132,7 +132,7 @@ pub fn explicit_trial(
     observer: &mut Observer,
 ) -> Result<TrialResult, SimError> {
     let named = |e: SimError| e.of_trial(&trial.trial);
-    let model = &*model.pulled(trial.quadriceps_n).map_err(named)?;
+    let model = &*model.in_trial(trial).map_err(named)?;
     let program = steps.program(&model.joint, trial.fe_deg, &trial.load.generalised()).map_err(named)?;
     let mut state = ExplicitState::at_rest();
     let load = trial.load.generalised();
@@ -142,7 +142,7 @@ pub fn explicit_trial(
 
 /// Runs a program, then holds flexion and `load`, to which it led, until the knee is at rest; one that is not after [`MOST_RESTS`] is left as it is.
 ///
-/// Errors: as [`run`].
+/// Errors: as [`run`]; a femur that nothing holds any more and that moves on: it has no equilibrium.
 pub(super) fn run_to_rest(
     (model, program): (&Model, &Program),
     (steps, load): (&TrialSteps, &Six),
@@ -157,13 +157,33 @@ pub(super) fn run_to_rest(
     }
     let hold = Program { steps: vec![hold] };
     for _ in 0..MOST_RESTS {
-        if state.rate.amax() <= MOVING {
-            break;
+        if is_at_rest(state) {
+            return Ok(());
         }
         *state = state.restarted();
         run(model, &hold, options, state, observer)?;
     }
-    Ok(())
+    if is_at_rest(state) || is_held(model, state) { Ok(()) } else { Err(left(model, state)) }
+}
+
+/// Whether a run has come to rest.
+fn is_at_rest(state: &ExplicitState) -> bool {
+    state.rate.amax() <= MOVING
+}
+
+/// Whether anything holds the femur where a run stands: cartilage, a ligament, or a body in between. What is slack or apart has no force on it.
+fn is_held(model: &Model, state: &ExplicitState) -> bool {
+    model.evaluate(&state.q).gradient.amax() > 0.0
+}
+
+/// Why a femur that flies off has no equilibrium.
+fn left(model: &Model, state: &ExplicitState) -> SimError {
+    let off = model.joint.grood_suntay(&state.q) - model.joint.ct_pose();
+    let far = [ML, AP, SI].into_iter().map(|c| off[c].abs()).fold(0.0, f64::max);
+    let seconds = REST * MOST_RESTS as f64;
+    SimError::Solver(format!(
+        "after {seconds} s under its loads the femur lies {far:.0} mm from the CT pose and moves on: it has left the tibia, and neither cartilage nor a ligament holds it"
+    ))
 }
 
 /// What a trial or a protocol's row tells where a run stands.
@@ -176,7 +196,7 @@ pub(super) fn result(
     let gs = model.joint.grood_suntay(&state.q);
     let evaluation = model.evaluate(&state.q);
     let mut flags = trials::flags(model, &gs, &evaluation, options);
-    flags.extend((state.rate.amax() > MOVING).then_some(Flag::Moving));
+    flags.extend((!is_at_rest(state)).then_some(Flag::Moving));
     let forces_n = model.bundle_forces(&evaluation.fibres);
     TrialResult {
         trial: trial.clone(),

@@ -4,6 +4,7 @@
 
 mod closed;
 mod convergence;
+mod fallen;
 mod faults;
 mod flags;
 mod laws;

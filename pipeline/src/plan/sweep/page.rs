@@ -64,7 +64,7 @@ pub(super) fn page(given: &Given, rows: &[Row], (told, label): (&SweepTold, &str
 fn summary(given: &Given, rows: &[Row], told: &SweepTold) -> String {
     let drawn = given.seed.map_or("the first that the model has".to_owned(), |seed| format!("drawn by seed {seed}"));
     let samples = match told.samples {
-        0 => "The knee is taken as known: no intervals and no chances.".to_owned(),
+        0 => "The most probable knee alone was asked: no intervals and no chances.".to_owned(),
         n => format!(
             "Of each plan {} of the knee {} asked, {drawn}. The table says how many of them could not be operated on or have no equilibrium.",
             counted(n, "sample"),
