@@ -7,6 +7,7 @@ use super::model::{Behaviour, Connector, DeckModel, Element};
 use crate::DeckError;
 use notices::{Kind, Notice};
 use sim::SimError;
+use sim::ligament::Bundle;
 use sim::spec::{BundleSpec, FibreSpec, Law};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -288,10 +289,12 @@ fn bundle(
         damping_n_s_per_mm: sim::spec::fibre_damping(),
         law: Law::Smooth,
     };
-    let end = end_of(name, (last[1] - d0) / toe, warnings);
+    let multiple = whole((last[1] - d0) / toe);
+    let end = (multiple >= LEAST_END).then_some(multiple);
     let wrong = |e: SimError| DeckError::whole(e.to_string());
     let spec = BundleSpec { law: nearest(&spec, fibres, end, &table[slack..]).map_err(wrong)?, ..spec };
     let law = sim::ligament::of_fibres(&spec, fibres, end).map_err(wrong)?;
+    warnings.extend(end.is_none().then(|| ends_early(name, multiple, &law)));
     let off = table[slack..].iter().map(|p| (p[0] - law.response(p[1] - d0).force).abs()).fold(0.0, f64::max);
     if off > 1e-6 * last[0] {
         warnings.push(
@@ -303,18 +306,23 @@ fn bundle(
     Ok((spec, end))
 }
 
-/// Where a table ends, as a law can have it; what is told of one that ends before its line is well begun.
-fn end_of(name: &str, multiple: f64, warnings: &mut Vec<Notice>) -> Option<f64> {
-    let whole = multiple.round();
-    let multiple = if (multiple - whole).abs() < WHOLE { whole } else { multiple };
-    if multiple >= LEAST_END {
-        return Some(multiple);
-    }
+/// Where a table ends, in toes; so near a whole number it is that number.
+fn whole(multiple: f64) -> f64 {
+    let near = multiple.round();
+    if (multiple - near).abs() < WHOLE { near } else { multiple }
+}
+
+/// What is said of a table that ends before its line is well begun: how far the force of the law in its place grows.
+fn ends_early(name: &str, multiple: f64, law: &Bundle) -> Notice {
+    let beyond = 2.0 * law.table_end * law.toe_mm();
+    let grows = match law.response(beyond).stiffness > 0.0 {
+        true => "on, as ligaments do".to_owned(),
+        false => format!("on to {:.0} toes", law.table_end),
+    };
     let text = format!(
-        "{name}: the deck's force table ends {multiple:.2} toes behind slack, and its force stays there; here it grows on, as ligaments do"
+        "{name}: the deck's force table ends {multiple:.2} toes behind slack, and its force stays there; here it grows {grows}"
     );
-    warnings.push(Kind::ForceTable.notice(text).of(name));
-    None
+    Kind::ForceTable.notice(text).of(name)
 }
 
 /// The law that departs least from the lines between the rows of a table from slack on.

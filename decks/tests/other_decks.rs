@@ -213,6 +213,10 @@ fn a_force_table_may_end_anywhere_behind_its_toe() {
         assert!((acl.toe_mm() - 1.0).abs() < 1e-9 && (acl.response(2.2).force - 72.0).abs() < 1e-6, "{toes}");
         let told = notices::texts(&deck.warnings).join("\n");
         assert_eq!(told.contains("toes behind slack, and its force stays there"), toes < 4.001, "{toes}: {told}");
+        // what is said of the model is what the model does, 20 toes behind slack
+        let grows = acl.response(20.0).stiffness > 0.0;
+        assert_eq!(told.contains("here it grows on, as ligaments do"), grows && toes < 4.001, "{toes}: {told}");
+        assert_eq!(told.contains("here it grows on to 10 toes"), !grows && toes < 4.001, "{toes}: {told}");
     }
 }
 

@@ -131,13 +131,7 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
         r.flags.extend((!own.is_empty()).then_some(Flag::OutsideInterval(own)));
     }
     if bands.asked < FEWEST {
-        let left = samples.len();
-        return none(match left < FEWEST {
-            true => format!("the calibration left {left} samples: no intervals; they need {FEWEST}"),
-            false => {
-                format!("--samples {}: no intervals; they need {FEWEST} samples, 0 is the single model", bands.asked)
-            }
-        });
+        return none(too_few(samples.len(), bands.asked));
     }
     let fewer = if asking.most > bands.asked {
         format!(" (all that it left; {} were asked for)", asking.most)
@@ -171,10 +165,29 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
     });
     Banded {
         words: format!("mean and {n} % interval by {} samples of the posterior{fewer}{error}\n{of_one}", bands.asked),
-        warnings: lost.into_iter().chain(poses).collect(),
+        warnings: lost.into_iter().chain(unasked(results)).chain(poses).collect(),
         samples: bands.asked,
         outside,
     }
+}
+
+/// Why there are no intervals, where a calibration `left` so many samples and fewer than an interval needs were asked.
+fn too_few(left: usize, asked: usize) -> String {
+    let samples = if left == 1 { "sample" } else { "samples" };
+    if left < FEWEST {
+        return format!("the calibration left {left} {samples}: no intervals; they need {FEWEST}");
+    }
+    format!("--samples {asked}: no intervals; they need {FEWEST} samples, 0 is the single model")
+}
+
+/// What is said of answered rows without an interval and without a word of their samples.
+fn unasked(results: &[TrialResult]) -> Option<Notice> {
+    let has_a_reason = |f: &Flag| matches!(f, Flag::NoEquilibrium | Flag::SamplesLeave { .. });
+    let is_unasked = |r: &&TrialResult| r.bands.is_empty() && !r.flags.iter().any(has_a_reason);
+    let count = results.iter().filter(is_unasked).count();
+    let rows = if count == 1 { "row has" } else { "rows have" };
+    let why = "no sample has an equilibrium there, or the most probable knee has none without friction";
+    (count > 0).then(|| Kind::NoIntervals.notice(format!("{count} {rows} no interval: {why}")).count(count))
 }
 
 /// Columns in which the single model lies outside its interval.

@@ -108,7 +108,8 @@ def _row(row: Any) -> dict[Any, Any]:
 
 
 def _cell(value: Any) -> Any:
-    if value is None:
+    # numpy's value of a masked cell is neither None nor NaN, and its text is --
+    if value is None or type(value).__name__ == "MaskedConstant":
         return ""
     try:
         return "" if bool(value != value) else value

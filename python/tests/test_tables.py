@@ -52,3 +52,8 @@ def masked(numbers, count):
     mask = np.zeros(numbers.shape, dtype=bool)
     mask.flat[:count] = True
     return np.ma.masked_array(numbers, mask=mask)
+
+
+def test_a_masked_cell_is_an_empty_one():
+    table = {"trial": ["a", "b"], "ap_mm": np.ma.masked_array([1.5, 2.0], mask=[0, 1])}
+    assert table_text(table) == "trial,ap_mm\na,1.5\nb,\n"

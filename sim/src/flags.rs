@@ -17,6 +17,8 @@ const TURNS_AT_DEG: [f64; 2] = [5.0, 30.0];
 const TURNS_SPARE_DEG: f64 = 15.0;
 /// Varus and valgus beyond this from the CT pose are odd [deg]; ours, no source was read.
 const OPENS_DEG: f64 = 25.0;
+/// Flexion below this is of a knee that has turned over [deg]: valgus reads up to 90 deg, and beyond it flexion reads 180 deg less. Ours.
+const LEAST_FLEXION_DEG: f64 = -45.0;
 /// A compartment that bears less of the load than this is not asked where [-]; ours.
 const LEAST_SHARE: f64 = 0.1;
 
@@ -76,7 +78,8 @@ fn patella(model: &Model, gs: &Six, evaluation: &Evaluation) -> Vec<Flag> {
 fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Option<Flag> {
     let ct = model.joint.ct_pose();
     let most = [(ML, limits.dislocation_mm), (SI, limits.dislocation_mm), (AP, limits.dislocation_ap_mm)];
-    if most.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit) {
+    let is_turned_over = gs[FE].to_degrees() < LEAST_FLEXION_DEG;
+    if is_turned_over || most.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit) {
         return Some(Flag::Dislocated);
     }
     let frames = [model.joint.femur(), model.joint.tibia()];
@@ -109,7 +112,8 @@ fn bears_on_one(bearings: &[Bearing]) -> bool {
 
 /// Whether the tibia is turned further than knees turn.
 fn is_turned_too_far(model: &Model, gs: &Six) -> bool {
-    if (gs[VV] - model.joint.ct_pose()[VV]).to_degrees().abs() > OPENS_DEG {
+    let is_turned_over = gs[FE].to_degrees() < LEAST_FLEXION_DEG;
+    if is_turned_over || (gs[VV] - model.joint.ct_pose()[VV]).to_degrees().abs() > OPENS_DEG {
         return true;
     }
     let [low, high] = TURNS_AT_DEG;

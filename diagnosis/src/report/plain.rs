@@ -64,7 +64,9 @@ fn not_excluded(d: &Diagnosis) -> String {
     }
     let list = in_words(&d.not_excluded);
     let beside = if d.answers.is_empty() { "" } else { " either" };
-    format!("These trials do not exclude{beside}: {list}.")
+    // of `none` no other state was held against the knee that lacks nothing
+    let asked = if d.verdict == Verdict::None { " Effects other than whole tears are not in this list." } else { "" };
+    format!("These trials do not exclude{beside}: {list}.{asked}")
 }
 
 fn named(catalogue: &Catalogue, d: &Diagnosis) -> String {
@@ -382,8 +384,12 @@ mod tests {
             ..none(vec![])
         };
         let told = head(&open);
-        let line = "These trials do not exclude: that nothing is missing; nor, less likely, a torn sMCL or a torn POL.";
+        let line = "These trials do not exclude: that nothing is missing; nor, less likely, a torn sMCL or a torn POL. \
+                    Effects other than whole tears are not in this list.";
         assert!(told.lines().any(|l| l == line), "{told}");
+        // beside an answer its rivals stand there, too, whatever they are
+        let answered = Diagnosis { verdict: Verdict::Probable, ..open.clone() };
+        assert!(!not_excluded(&answered).contains("Effects other"), "{}", not_excluded(&answered));
         // a tear that fits better than nothing: the head never says that nothing is missing, and has the tear first
         let better = Diagnosis { not_excluded: vec![state(Some("PCL"), 4.3), state(None, 0.0)], ..open };
         let told = head(&better);

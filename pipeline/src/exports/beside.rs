@@ -57,7 +57,11 @@ fn missing(results: &[TrialResult], without: &[&str]) -> Vec<Notice> {
         Kind::RowFlagged.notice(text).count(n)
     });
     let parts = (!without.is_empty()).then(|| {
-        let text = format!("no row has an equilibrium in {}: {} has none of them", without.join(", "), ANSWERS[1]);
+        let (all, [forces, answers]) = (without.join(", "), ANSWERS);
+        let text = match results.is_empty() {
+            true => format!("no row has an equilibrium in {all}: {forces} and {answers} are not written"),
+            false => format!("no row has an equilibrium in {all}: {answers} has none of them"),
+        };
         Kind::RowFlagged.notice(text).count(without.len())
     });
     rows.into_iter().chain(parts).collect()
@@ -196,6 +200,14 @@ mod tests {
         assert_eq!(told.len(), 2);
         assert!(told[0].starts_with("2 of 3 rows of predictions.csv have no equilibrium"), "{}", told[0]);
         assert!(told[0].ends_with("the first: pivot_shift b"), "{}", told[0]);
-        assert!(told[1].contains("in passive_flexion"), "{}", told[1]);
+        assert!(told[1].ends_with("in passive_flexion: predictions.csv has none of them"), "{}", told[1]);
+        // a file that is not there holds and lacks nothing
+        let told = missing(&[], &["rest and drawers", "pivot_shift"]);
+        assert_eq!(told.len(), 1);
+        assert!(
+            told[0].to_string().ends_with("ligament_forces.csv and predictions.csv are not written"),
+            "{}",
+            told[0]
+        );
     }
 }

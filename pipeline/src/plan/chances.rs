@@ -32,8 +32,11 @@ pub struct FailTold {
     /// Flexion [deg].
     pub flexion_deg: f64,
     /// In how many samples it fails there, and of how many whose intact knee stays on the plateau there. Absent without samples: the most probable
-    /// knee is furthest off there, in units of the limits.
+    /// knee is furthest off there, in units of the limits, or the first without equilibrium.
     pub samples: Option<[usize; 2]>,
+    /// Whether it is a test in which the most probable knee has no equilibrium, and none was asked but that.
+    #[serde(skip)]
+    pub is_lost: bool,
 }
 
 /// What must hold: in these tests each of these coordinates lies within its limit of the intact knee's.
@@ -67,15 +70,18 @@ impl Wanted<'_> {
 
     /// The chance, and where it fails.
     fn told(&self, of: String, asked: &[Asked]) -> ChanceTold {
-        let fail = |test: usize, samples| FailTold {
+        let fail = |test: usize, samples: Option<[usize; 2]>| FailTold {
             test: asked[test].kind.to_owned(),
             flexion_deg: asked[test].trial.fe_deg,
             samples,
+            is_lost: samples.is_none() && self.off(test).is_none(),
         };
         let best: Vec<f64> = self.tests.iter().map(|t| self.off(*t).unwrap_or(f64::INFINITY)).collect();
         let most_probable = best.iter().all(|x| *x <= 1.0);
         let Some(sampled) = &self.numbers.sampled else {
-            let furthest = self.tests.iter().zip(&best).filter(|(_, x)| **x > 1.0).max_by(|a, b| a.1.total_cmp(b.1));
+            let beyond = self.tests.iter().zip(&best).filter(|(_, x)| **x > 1.0);
+            // the first of those that are as far off, or have no equilibrium
+            let furthest = beyond.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(a.0)));
             let fails = furthest.map(|(t, _)| fail(*t, None));
             return ChanceTold { of, chance: None, counts: None, most_probable, fails };
         };
@@ -163,5 +169,22 @@ mod tests {
         let alone = told(None, 5.0);
         assert!(!alone.most_probable && alone.chance.is_none() && alone.fails.unwrap().samples.is_none());
         assert!(told(None, 1.0).fails.is_none() && told(None, 1.0).most_probable);
+    }
+
+    #[test]
+    fn a_test_without_equilibrium_is_not_called_furthest_off() {
+        let file = parsed(EXAMPLE).unwrap();
+        let asked: Vec<Asked> =
+            tests(&file.tests).into_iter().filter(|a| a.kind == "anterior drawer").take(3).collect();
+        let told = |operated: [Option<f64>; 3]| {
+            let found = |ap: f64| Found { pose: pose(ap), told: vec![], flags: vec![] };
+            let intact = vec![Some(found(0.0)); 3];
+            let best = [intact.clone(), intact, operated.map(|ap| ap.map(found)).to_vec()];
+            let fails = chances(&file, &asked, &Numbers { best, sampled: None }).remove(0).fails.unwrap();
+            (fails.flexion_deg, fails.is_lost)
+        };
+        let flexion = |test: usize| asked[test].trial.fe_deg;
+        assert_eq!(told([Some(5.0), Some(9.0), Some(9.0)]), (flexion(1), false));
+        assert_eq!(told([Some(9.0), None, None]), (flexion(1), true));
     }
 }

@@ -130,9 +130,9 @@ fn bears(out: &Outcome) -> String {
     format!("<h2>What the grafts bear</h2>{}", table(&header, rows))
 }
 
-/// What is odd about these states in a test.
+/// What is odd about these states in a test, in the order in which they are asked for.
 fn odd(t: &TestTold, states: &[&str]) -> String {
-    let flagged = t.flags.iter().filter(|(s, f)| states.contains(&s.as_str()) && !f.is_empty());
+    let flagged = states.iter().filter_map(|s| Some((*s, t.flags.get(*s).filter(|f| !f.is_empty())?)));
     flagged.map(|(s, f)| format!("{s}: {}", f.join(", "))).collect::<Vec<_>>().join("; ")
 }
 
@@ -239,6 +239,25 @@ pub(super) fn limits() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn flags_stand_in_the_order_of_the_columns() {
+        let flags = STATES.map(|s| (s.to_owned(), if s == "deficient" { vec![] } else { vec!["subluxed".to_owned()] }));
+        let t = TestTold {
+            test: "valgus".into(),
+            flexion_deg: 30.0,
+            load: [0.0; 5],
+            states: [].into(),
+            flags: flags.into(),
+            off: [].into(),
+            chance: None,
+            counts: None,
+            odd: vec![],
+            beyond: vec![],
+        };
+        assert_eq!(odd(&t, &["reconstructed", "deficient", "intact"]), "reconstructed: subluxed; intact: subluxed");
+        assert_eq!(odd(&t, &STATES[..2]), "intact: subluxed");
+    }
 
     #[test]
     fn the_section_says_why_there_is_no_knee_or_no_interval() {

@@ -123,6 +123,7 @@ fn fails(f: &FailTold) -> String {
     let place = format!("{} at {} deg", f.test, f.flexion_deg);
     match f.samples {
         Some([fails, all]) => format!("; fails most often in {place}: in {fails} of {all} samples"),
+        None if f.is_lost => format!("; no equilibrium in {place}"),
         None => format!("; furthest off in {place}"),
     }
 }
@@ -158,6 +159,16 @@ mod tests {
             "valgus,30,reconstructed less intact,ap_mm,1.0000,,,,intact: subluxed; reconstructed: dislocated",
         ];
         assert_eq!(text.lines().collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn a_test_without_equilibrium_is_told_as_such() {
+        let told = |is_lost: bool, samples: Option<[usize; 2]>| {
+            fails(&FailTold { test: "varus".into(), flexion_deg: 30.0, samples, is_lost })
+        };
+        assert_eq!(told(true, None), "; no equilibrium in varus at 30 deg");
+        assert_eq!(told(false, None), "; furthest off in varus at 30 deg");
+        assert_eq!(told(false, Some([3, 9])), "; fails most often in varus at 30 deg: in 3 of 9 samples");
     }
 
     #[test]

@@ -165,9 +165,13 @@ fn not_excluded(out: &mut String, d: &Diagnosis) {
     }
     let against = if d.verdict == Verdict::None { "a knee that lacks nothing" } else { "the best that was found" };
     let least = least_log_odds(d);
+    let asked = match d.verdict {
+        Verdict::None => " That knee and whole tears were asked, and no other effect.",
+        _ => "",
+    };
     let _ = write!(
         out,
-        "<h2>What these data do not exclude</h2><p class=\"note\">Each state was fitted by itself, the ligaments recalibrated beside it. Log odds [nats] against {against}, of a tear before any prior of one: 0 is as likely, 1 nearly three times as likely. A state stands here where its log odds are above {least:.1}: the data do not speak against it by {} or more.{}</p>{}",
+        "<h2>What these data do not exclude</h2><p class=\"note\">Each state was fitted by itself, the ligaments recalibrated beside it. Log odds [nats] against {against}, of a tear before any prior of one: 0 is as likely, 1 nearly three times as likely. A state stands here where its log odds are above {least:.1}: the data do not speak against it by {} or more.{asked}{}</p>{}",
         to_one(-least),
         finding(&d.not_excluded, against),
         states(&d.not_excluded)
@@ -447,6 +451,14 @@ mod tests {
         let both = told(&[ahead, behind]);
         assert!(both.contains("prefer it") && both.contains("That a tear of 0 or less stands here"), "{both}");
         assert_eq!(told(&[]), "");
+    }
+
+    #[test]
+    fn a_list_in_which_only_tears_were_asked_says_so() {
+        for (verdict, is_none) in [("none", true), ("unnamed", false), ("decisive", false)] {
+            let page = body("knee", &with_verdict(verdict));
+            assert_eq!(page.contains("whole tears were asked, and no other effect"), is_none, "{verdict}: {page}");
+        }
     }
 
     #[test]

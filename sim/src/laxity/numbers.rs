@@ -24,10 +24,13 @@ const NEAR: f64 = 1.5e-4;
 /// Round loads: as read in N m and N, to two decimals; and what tests apply in the other unit, in steps of 0.05. Ours.
 const STEP_READ: f64 = 0.01;
 const STEP_MEANT: f64 = 0.05;
+/// What tests apply at the most, to which a number in the other unit is held [N m], [N]: of a larger one nearly every number is round to four digits. Ours.
+const MOST_NM: f64 = 20.0;
+const MOST_N: f64 = 300.0;
 /// A load that is one number in all its trials: no multiple of the first as it is read, and in the other unit one of the second, up to the third: VV, IE
 /// [N m], SI [N]. Ours: a number with four digits is so by chance in one of 100 at the most.
 const ROUND_OF_ONE: [(Coordinate, [f64; 3]); 3] =
-    [(VV, [STEP_READ, 0.5, 20.0]), (IE, [STEP_READ, 0.5, 20.0]), (SI, [0.1, 5.0, 200.0])];
+    [(VV, [STEP_READ, 0.5, MOST_NM]), (IE, [STEP_READ, 0.5, MOST_NM]), (SI, [0.1, 5.0, 200.0])];
 /// Trials that have it.
 const LEAST_OF_ONE: usize = 4;
 /// Steps of readings that are told, the coarsest first [mm] or [deg]: half a drawer and more, in cm, or in inches, their halves and quarters.
@@ -44,8 +47,8 @@ const FORCES: [(&str, f64); 2] = [("lbf", 4.448_221_615_260_5), ("kgf", 9.806_65
 /// Doubts about single readings and about the unit of loads.
 pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let zeros = FREE.iter().filter_map(|c| zeros(trials, *c));
-    let units = [(&[VV, IE][..], &MOMENTS[..]), (&[AP][..], &FORCES[..])];
-    let round = units.iter().filter_map(|(of, units)| round_elsewhere(trials, of, units));
+    let units = [(&[VV, IE][..], &MOMENTS[..], MOST_NM), (&[AP][..], &FORCES[..], MOST_N)];
+    let round = units.iter().filter_map(|(of, units, limit)| round_elsewhere(trials, of, units, *limit));
     let mut round: Vec<SignDoubt> = round.collect();
     let single: Vec<SignDoubt> = ROUND_OF_ONE.into_iter().filter_map(|kind| one_load(trials, kind)).collect();
     if round.is_empty() {
@@ -268,7 +271,7 @@ fn is_round(number: f64, step: f64) -> bool {
 }
 
 /// Loads that are round numbers in another unit and none as they are read.
-fn round_elsewhere(trials: &[LaxityTrial], of: &[Coordinate], units: &[(&str, f64)]) -> Option<SignDoubt> {
+fn round_elsewhere(trials: &[LaxityTrial], of: &[Coordinate], units: &[(&str, f64)], limit: f64) -> Option<SignDoubt> {
     let mut loads: BTreeMap<u64, (Coordinate, f64)> = BTreeMap::new();
     for t in trials {
         let own = t.test.coordinate().filter(|c| of.contains(c));
@@ -276,7 +279,8 @@ fn round_elsewhere(trials: &[LaxityTrial], of: &[Coordinate], units: &[(&str, f6
             loads.entry(load.to_bits()).or_insert((c, load));
         }
     }
-    let all = |factor: f64, step: f64| loads.values().all(|(_, load)| is_round(load * factor, step));
+    let fits = |load: f64, step: f64| load <= limit && is_round(load, step);
+    let all = |factor: f64, step: f64| loads.values().all(|(_, load)| fits(load * factor, step));
     if loads.len() < LEAST_LOADS || loads.values().any(|(_, load)| is_round(*load, STEP_READ)) {
         return None;
     }

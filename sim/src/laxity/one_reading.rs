@@ -11,7 +11,7 @@ type Unit = (&'static str, f64);
 /// A coordinate, how far a reading of it must lie from what is expected [deg] or [mm], and other units with what they are in deg or mm. Ours: ten times an
 /// instrument's noise and more, and less than a reading that jumped.
 const KINDS: [(Coordinate, f64, &[Unit]); 5] =
-    [(VV, 3.0, &[RADIANS]), (IE, 6.0, &[RADIANS]), (ML, 2.5, &LENGTHS), (AP, 4.0, &LENGTHS), (SI, 8.0, &LENGTHS)];
+    [(VV, 3.0, &[RADIANS]), (IE, 12.0, &[RADIANS]), (ML, 2.5, &LENGTHS), (AP, 4.0, &LENGTHS), (SI, 8.0, &LENGTHS)];
 const RADIANS: Unit = ("radians", 57.295_779_513_082_32);
 const LENGTHS: [Unit; 2] = [("cm", 10.0), ("inches", 25.4)];
 /// Once it is in the other unit, a reading lies off by less than this share of what it does as it stands [-]. Ours.
@@ -114,7 +114,7 @@ fn odd(places: &[Place], c: Coordinate, least: f64, units: &[(&str, f64)]) -> Op
     Some(SignDoubt {
         column: c.column(),
         words: format!(
-            "trial \"{}\" reads {} {:.2} {n}, and the readings about it say {:.1} {n}: maybe this one is in {unit}. Expected one unit in the whole column: look at its record, and write it in {n} if so",
+            "trial \"{}\" reads {} {:.2} {n}, and the readings about it say {:.1} {n}: maybe this one is in {unit}, or it slipped, or its load was not applied. Expected one unit in the whole column: look at its record, write it in {n} if it is in {unit}, and leave the row out if it is no reading",
             place.trial.trial,
             c.column(),
             place.read,

@@ -85,12 +85,17 @@ fn loads_of_one_test_in_another_unit_are_told_by_its_name() {
 
 /// A laxity file of the phantom with one column's readings divided in the rows that are meant, by test and flexion.
 pub(super) fn phantom_with(file: &str, column: &str, divided: f64, meant: impl Fn(&str, &str) -> bool) -> String {
+    phantom_changed(file, column, |test, at, value| if meant(test, at) { value / divided } else { value })
+}
+
+/// A phantom's table with the cells of a column changed, by test and flexion.
+pub(super) fn phantom_changed(file: &str, column: &str, change: impl Fn(&str, &str, f64) -> f64) -> String {
     let table = text(&MEASURED.path().join("knee/laxity").join(file));
     let at = table.lines().next().unwrap().split(',').position(|name| name == column).unwrap();
     let line = |line: &str| {
         let mut cells: Vec<String> = line.split(',').map(String::from).collect();
-        if let Some(value) = cells[at].parse::<f64>().ok().filter(|_| meant(&cells[1], &cells[2])) {
-            cells[at] = format!("{:.6}", value / divided);
+        if let Ok(value) = cells[at].parse::<f64>() {
+            cells[at] = format!("{:.6}", change(&cells[1], &cells[2], value));
         }
         cells.join(",") + "\n"
     };

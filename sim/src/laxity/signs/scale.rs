@@ -44,6 +44,9 @@ const LEAST_AT_A_FLEXION: [usize; 2] = [2, 3];
 const LEAST_FLEXIONS: usize = 2;
 /// Other tests beside which a test's coupled readings are small.
 const LEAST_OTHER_TESTS: usize = 2;
+/// Once it is in the other unit, a part varies by more than this share of what the others do [-]; of less, no unit is the cause. Below the least of
+/// those files. Ours.
+const LEAST_EXPLAINED: f64 = 0.1;
 
 /// A reading of a pose: its test, nominal flexion [deg], load and value.
 struct Reading {
@@ -60,6 +63,8 @@ struct Small {
     varies: f64,
     others: f64,
     unit: &'static str,
+    /// Whether its tests load the coordinate: one that none of them loads may be held.
+    loaded: bool,
 }
 
 /// Coordinates of which one test or one flexion may be in another unit. Displacements are left out: they do not show where a knee lies.
@@ -93,7 +98,7 @@ fn of_a_test(all: &[Reading], scale: &Scale) -> Vec<Small> {
         let unit = scale.unit(small.share, small.most, all, |r| r.test == *test)?;
         let part = format!("in the {} trials", test.name());
         let shown = enough && small.others >= scale.least[0];
-        shown.then_some(Small { part, varies: small.varies, others: small.others, unit })
+        shown.then_some(Small { part, varies: small.varies, others: small.others, unit, loaded })
     };
     tests.iter().filter_map(one).collect()
 }
@@ -114,7 +119,7 @@ fn of_a_coupled_flexion(all: &[Reading], scale: &Scale) -> Vec<Small> {
         let unit = scale.unit(small.share, small.most, all, |r| r.at == *at)?;
         let part = format!("at {at} deg");
         let shown = small.others >= scale.least[1];
-        shown.then_some(Small { part, varies: small.varies, others: small.others, unit })
+        shown.then_some(Small { part, varies: small.varies, others: small.others, unit, loaded: false })
     };
     flexions.iter().filter_map(one).collect()
 }
@@ -165,7 +170,7 @@ fn of_a_flexion(all: &[Reading], scale: &Scale) -> Vec<Small> {
         let share = shares.into_iter().fold(0.0, f64::max);
         let unit = scale.unit(share, scale.share, all, |r| r.at == *at)?;
         let part = format!("at {at} deg");
-        (own >= scale.least[1]).then_some(Small { part, varies: here.own, others: own, unit })
+        (own >= scale.least[1]).then_some(Small { part, varies: here.own, others: own, unit, loaded: true })
     };
     vary.iter().filter_map(one).collect()
 }
@@ -185,8 +190,8 @@ impl Scale {
     /// The unit in which a part's readings would vary most as the others do, by the share of these that they vary by; none where the share is no unit's,
     /// or no knee would be so in that unit.
     fn unit(&self, share: f64, most: f64, all: &[Reading], is_part: impl Fn(&Reading) -> bool) -> Option<&'static str> {
-        let is_small = share > 0.0 && share < most;
-        let fits = self.units.iter().filter(|(_, factor)| is_small && self.is_a_knee(all, &is_part, *factor));
+        let explains = |factor: f64| share < most && share * factor > LEAST_EXPLAINED;
+        let fits = self.units.iter().filter(|(_, f)| explains(*f) && self.is_a_knee(all, &is_part, *f));
         let off = |factor: f64| (share * factor).ln().abs();
         fits.min_by(|a, b| off(a.1).total_cmp(&off(b.1))).map(|(unit, _)| *unit)
     }
@@ -207,8 +212,13 @@ fn told(found: &[Small], scale: &Scale) -> Option<SignDoubt> {
     let first = found.first()?;
     let (column, unit) = (scale.of.column(), scale.of.unit());
     let parts: Vec<&str> = found.iter().map(|small| small.part.as_str()).collect();
+    let (or_held, then) = if found.iter().all(|small| small.loaded) {
+        (String::new(), "")
+    } else {
+        (format!(", or the apparatus held {column} there"), ", and leave its cells empty where it was held")
+    };
     let words = format!(
-        "{column} varies by {:.2} {unit} {}, and by {:.1} {unit} in the others: maybe these readings are in {}, and the rest in {unit}. Expected one unit in the whole column: look at their record, and write them in {unit} if so",
+        "{column} varies by {:.2} {unit} {}, and by {:.1} {unit} in the others: maybe these readings are in {}, and the rest in {unit}{or_held}. Expected one unit in the whole column: look at their record, and write them in {unit} if so{then}",
         first.varies,
         parts.join(" and "),
         first.others,

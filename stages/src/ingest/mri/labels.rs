@@ -174,6 +174,7 @@ fn called_otherwise(map: &LabelMap, (key, label): (&str, &LabelName), number: u8
 /// The label of the one segment that is called so.
 fn own_name(map: &LabelMap, key: &str, name: &str, there: &str) -> Result<u8, String> {
     let mut of: Vec<u8> = map.names.iter().filter(|(own, _)| own == name).map(|(_, number)| *number).collect();
+    of.sort_unstable();
     of.dedup();
     match of[..] {
         [number] => Ok(number),
