@@ -6,8 +6,16 @@ const NEAR: f64 = 0.85;
 /// Shortest name that is looked for inside longer ones: `edge` in `edge_length_mm`.
 const SHORTEST_PART: usize = 3;
 
+/// Most names that are equally near and still all named.
+const MOST_EQUALS: usize = 3;
+
 /// The known name nearest to `name`, if one is near; of equals the first of the list.
 pub fn nearest<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIterator<Item = &'a S>) -> Option<&'a str> {
+    equally_near(name, known).first().copied()
+}
+
+/// The known names nearest to `name`, each once, in the order of the list; none where none is near.
+fn equally_near<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIterator<Item = &'a S>) -> Vec<&'a str> {
     let name = name.to_lowercase().replace('-', "_");
     let score = |k: &str| {
         let k = k.to_lowercase().replace('-', "_");
@@ -18,17 +26,25 @@ pub fn nearest<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIter
         let whole = strsim::jaro_winkler(&name, &k);
         if part { whole.max(NEAR) } else { whole }
     };
-    known
-        .into_iter()
-        .map(|k| (score(k.as_ref()), k.as_ref()))
-        .filter(|(s, _)| *s >= NEAR)
-        .reduce(|best, next| if next.0 > best.0 { next } else { best })
-        .map(|(_, k)| k)
+    let scored = known.into_iter().map(|k| (score(k.as_ref()), k.as_ref())).filter(|(s, _)| *s >= NEAR);
+    let (mut most, mut best) = (0.0, Vec::new());
+    for (score, name) in scored {
+        if score > most {
+            (most, best) = (score, vec![name]);
+        } else if score == most && !best.contains(&name) {
+            best.push(name);
+        }
+    }
+    best
 }
 
-/// `; did you mean NAME?`, or nothing.
+/// `; did you mean NAME?`, with all of a few that are equally near; or nothing.
 pub fn did_you_mean<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIterator<Item = &'a S>) -> String {
-    nearest(name, known).map_or(String::new(), |k| format!("; did you mean {k}?"))
+    match equally_near(name, known).as_slice() {
+        [] => String::new(),
+        few if few.len() <= MOST_EQUALS => format!("; did you mean {}?", few.join(" or ")),
+        [first, ..] => format!("; did you mean {first}?"),
+    }
 }
 
 /// A parser's message about an unknown field or variant, with the name that was most likely meant.
@@ -73,6 +89,14 @@ mod tests {
         }
         assert_eq!(nearest("PLC", ["ACL", "PCL", "LCL", "sMCL"]), Some("PCL"));
         assert_eq!(nearest("MCL", ["ACL", "sMCL", "dMCL"]), Some("sMCL"), "of equals the first");
+        let of = |known: &[&str]| did_you_mean("MCL", known);
+        assert_eq!(
+            of(&["ACL", "sMCL", "dMCL", "sMCL"]),
+            "; did you mean sMCL or dMCL?",
+            "of a few equals all, each once"
+        );
+        assert_eq!(of(&["aMCL", "bMCL", "cMCL", "dMCL"]), "; did you mean aMCL?");
+        assert_eq!(of(&["patella"]), "");
         assert_eq!(nearest("edge", ["layers", "edge_length_mm"]), Some("edge_length_mm"));
         let told = with_suggestion("unknown field `fmur`, expected one of `femur`, `tibfib`");
         assert!(told.ends_with("; did you mean femur?"), "{told}");

@@ -145,7 +145,9 @@ fn wrong_points_are_refused_with_file_and_line() {
     }
     let said = refusal(&with_file("marks.csv", b"ligament,frame,x_mm,y_mm,z_mm\nMCL,scan_femur,1,2,3\n"));
     assert!(
-        said.contains("marks.csv, line 2: no ligament is called `MCL`; did you mean sMCL?; expected one of ACL"),
+        said.contains(
+            "marks.csv, line 2: no ligament is called `MCL`; did you mean sMCL or dMCL?; expected one of ACL"
+        ),
         "{said}"
     );
     let said = refusal(&with_file("marks.csv", b"ligament,frame,x_mm,y_mm,z_mm\nFCL,scan_femur,1,2,3\n"));
