@@ -108,7 +108,7 @@ fn unheard(effect: &str) -> BenchError {
     let further = FURTHER.iter().chain(&UNKNOWN).map(|k| k.0.to_owned());
     let of_structures = CUT.iter().flat_map(|s| [format!("cut_{s}"), format!("{SITE}{s}")]);
     let all: Vec<String> = own.chain(further).chain(of_structures).collect();
-    BenchError::Plan(format!("no effect is called {effect}; there are null, compound, unknown, {}", all.join(", ")))
+    BenchError::Effect(format!("no effect is called {effect}; there are null, compound, unknown, {}", all.join(", ")))
 }
 
 #[cfg(test)]

@@ -40,6 +40,9 @@ pub enum BenchError {
     /// The plan is at fault.
     #[error("plan: {0}")]
     Plan(String),
+    /// What is to be hidden is at fault.
+    #[error("{0}")]
+    Effect(String),
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ fn structure(hidden: &Hidden) -> Option<&str> {
 pub(crate) fn change(knee: &mut Knee, hidden: &Hidden) -> Result<(), BenchError> {
     let Some(structure) = structure(hidden) else { return Ok(()) };
     if !knee.has(structure) {
-        return Err(BenchError::Plan(format!("{}: the knee has no bundle of {structure}", hidden.effect)));
+        return Err(BenchError::Effect(format!("{}: the knee has no bundle of {structure}", hidden.effect)));
     }
     match (hidden.effect.as_str(), hidden.cuts()) {
         (_, Some((_, loss))) => knee.weaken(structure, loss),
