@@ -70,7 +70,7 @@ pub(super) static STRUCTS: &[Table] = &[
 ("rig", "RigOptions", "The apparatus and the limb where readings are displacements; heard by the method posterior."),
 ("search", "SearchOptions", "How answers are sought on the way."),
 ("inference", "PosteriorOptions", "The posterior: starts, fits, samples."),
-("gradient", "GradientOptions", "Intervals and outliers."),
+("gradient", "IntervalOptions", "Intervals and outliers."),
 ("seed", "u64", "Seed of every random number."),
 ]),
 ("CartilageOptions", &[
@@ -165,12 +165,6 @@ pub(super) static STRUCTS: &[Table] = &[
 ("given_limits", "[f64; 2]", "How far an axis [deg] and an origin [mm] of a laboratory's own frames may lie from those that the bones show without a warning. Ours: twice what two constructions of a frame differ by."),
 ("ct_rotation_limit_deg", "[f64; 2]", "Varus-valgus and internal-external rotation of the CT pose beyond which a warning is given [deg]: a knee at rest is not turned so far; our own choice."),
 ]),
-("GradientOptions", &[
-("scale_noise", "bool", "Whether a recipe's noise is scaled up, a coordinate each, where the best fit misses the measurements by more, before its intervals."),
-("robust", "f64", "Residuals beyond this many standard deviations count linearly, not squared [huber1964] [-]."),
-("samples", "usize", "Points of a recipe's posterior by Laplace's approximation [-]."),
-("interval", "f64", "Probability of the intervals [-]."),
-]),
 ("HexmeshOptions", &[
 ("edge_length_mm", "f64", "Wanted edge in the plane of the sheet [mm]; 0.5 to 1 in use."),
 ("layers", "usize", "Elements through the thickness [-]."),
@@ -185,6 +179,12 @@ pub(super) static STRUCTS: &[Table] = &[
 ("label_blur", "f64", "Blur of a label map before its surfaces are drawn, in its largest voxel spacings [-]: takes the steps between slices away; our own trials."),
 ("label_edge_mm", "f64", "Edges of surfaces drawn from a label map [mm]: half of the model's bones'."),
 ("ras", "Vec<String>", "Inputs that are in RAS where their files cannot say so (STL, PLY, OBJ, CSV): any of ct, cartilage, points. A file that says its frame is heard."),
+]),
+("IntervalOptions", &[
+("scale_noise", "bool", "Whether a recipe's noise is scaled up, a coordinate each, where the best fit misses the measurements by more, before its intervals."),
+("robust", "f64", "Residuals beyond this many standard deviations count linearly, not squared [huber1964] [-]."),
+("samples", "usize", "Points of a recipe's posterior by Laplace's approximation [-]."),
+("interval", "f64", "Probability of the intervals [-]."),
 ]),
 ("LayerMaterial", &[
 ("law", "LayerLaw", "Pressure over strain."),

@@ -152,3 +152,40 @@ fn a_data_set_that_the_model_does_not_know_is_refused() {
     run(&["--read-as", "kla", "--as-assembled"]).code(2).stderr(contains("knows no data set"));
     assert!(!out.exists());
 }
+
+/// What was cut is said by the table, by the command, or by both: the same knee, the same numbers. The column stands in the results where it stood in the
+/// table, and they read back as they are.
+#[test]
+fn a_cut_knee_is_the_same_whether_its_table_or_the_command_says_what_was_cut() {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let run = |name: &str, state: &str, more: &[&str]| {
+        let head =
+            "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,without\n";
+        let rows =
+            ["rest,neutral,30,0,0,0,0,20,30", "drawn,anterior,30,0,0,0,40,20,30"].map(|r| format!("{r},{state}\n"));
+        std::fs::write(path(&format!("{name}.csv")), head.to_owned() + &rows.concat()).unwrap();
+        let mut command = build_model();
+        command.arg("simulate").arg(specimen()).arg("--trials").arg(path(&format!("{name}.csv")));
+        command.args(["--samples", "2", "--out"]).arg(path(&format!("{name}.out"))).args(more).assert()
+    };
+    run("table", "ACL+ALS", &[]).success();
+    run("command", "", &["--without", "ACL,ALS"]).success();
+    run("each", "ACL", &["--without", "ALS"]).success();
+    run("whole", "intact", &[]).success();
+    let read = |name: &str| std::fs::read_to_string(path(name)).unwrap();
+    let answers =
+        |name: &str| columns(&path(name), &["vv_deg", "ie_deg", "ap_mm", "force_dMCL_n", "ap_mm_lower", "flags"]);
+    assert_eq!([answers("command.out"), answers("each.out")], [answers("table.out"), answers("table.out")]);
+    assert_ne!(answers("table.out"), answers("whole.out"));
+    assert!(["command.out", "whole.out"].iter().all(|name| !read(name).contains("without")));
+    let told = columns(&path("table.out"), &["without", "force_ACL_AM_n", "force_ALS_n"]);
+    assert!(told.iter().all(|row| row == &["ACL+ALS", "0.000000", "0.000000"]), "{told:?}");
+    let mut again = build_model();
+    again.arg("simulate").arg(specimen()).arg("--trials").arg(path("table.out")).args(["--samples", "2", "--out"]);
+    again.arg(path("again.out")).assert().success();
+    assert_eq!(read("again.out"), read("table.out"));
+    run("unknown", "ACLX", &[]).code(1).stderr(
+        contains("unknown.csv: row 2 (rest)").and(contains("column \"without\"")).and(contains("did you mean ACL?")),
+    );
+}

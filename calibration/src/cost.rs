@@ -58,6 +58,8 @@ pub struct Term {
     pub test: Test,
     /// The flexion it is filed under [deg].
     pub nominal_flexion_deg: f64,
+    /// What was cut of the knee before.
+    pub without: Vec<String>,
     /// The coordinate.
     pub coordinate: Coordinate,
     /// Its weight [-].
@@ -66,6 +68,15 @@ pub struct Term {
     pub range: f64,
     /// Indices of the group's trials in which the coordinate is measured.
     pub trials: Vec<usize>,
+}
+
+impl Term {
+    /// Its test, and what was cut before: "anterior without ACL".
+    pub fn in_words(&self) -> String {
+        let cut =
+            if self.without.is_empty() { String::new() } else { format!(" without {}", self.without.join(" and ")) };
+        self.test.name().to_owned() + &cut
+    }
 }
 
 /// The cost of one set of trials, ready for predictions.
@@ -138,13 +149,14 @@ impl CostFunction {
     pub fn new(trials: &[LaxityTrial], ct: &PoseSpec, options: &CostOptions) -> Result<CostFunction, CalibrationError> {
         check(options)?;
         let at_ct = ct.free();
-        let mut groups: BTreeMap<(Test, i64, bool), Vec<usize>> = BTreeMap::new();
+        let mut groups: BTreeMap<(Test, i64, bool, &[String]), Vec<usize>> = BTreeMap::new();
         for (i, t) in trials.iter().enumerate() {
-            let kind = (t.test, (t.nominal_flexion_deg * 10.0).round() as i64, t.reference.is_some());
+            let flexion = (t.nominal_flexion_deg * 10.0).round() as i64;
+            let kind = (t.test, flexion, t.reference.is_some(), t.without.as_slice());
             groups.entry(kind).or_default().push(i);
         }
         let mut terms = Vec::new();
-        for ((test, _, displaced), members) in &groups {
+        for ((test, _, displaced, without), members) in &groups {
             let weights = options.weights_of(*test);
             for coordinate in FREE.into_iter().filter(|&c| weights[c] > 0.0) {
                 let trials_of: Vec<usize> =
@@ -153,6 +165,7 @@ impl CostFunction {
                     terms.push(Term {
                         test: *test,
                         nominal_flexion_deg: trials[first].nominal_flexion_deg,
+                        without: without.to_vec(),
                         coordinate,
                         weight: weights[coordinate],
                         range: range(trials, coordinate, *displaced)?,

@@ -172,12 +172,12 @@ impl Questions<'_> {
             Err(e) => return self.trials.iter().map(|_| Err(e.clone())).collect(),
         };
         let found = solve_trials(&model, self.trials, self.options);
-        let answer = |found: Result<sim::trials::Answer, SimError>| {
+        let answer = |(trial, found): (&LaxityTrial, Result<sim::trials::Answer, SimError>)| {
             let found = found?;
-            let jacobian = if jacobian { Some(self.jacobian(&model, &found, values)?) } else { None };
+            let jacobian = if jacobian { Some(self.jacobian(&*model.in_trial(trial)?, &found, values)?) } else { None };
             Ok(Answer { predicted: found.predicted(), forces_n: found.forces_n, flags: found.flags, jacobian })
         };
-        found.into_par_iter().map(answer).collect()
+        self.trials.par_iter().zip(found).map(answer).collect()
     }
 
     /// Derivatives by design variables.

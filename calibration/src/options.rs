@@ -56,7 +56,7 @@ pub struct CalibrateOptions {
     /// The posterior: starts, fits, samples.
     pub inference: PosteriorOptions,
     /// Intervals and outliers.
-    pub gradient: GradientOptions,
+    pub gradient: IntervalOptions,
     /// Seed of every random number.
     pub seed: u64,
 }
@@ -122,7 +122,7 @@ impl Default for SwarmOptions {
 /// Intervals and outliers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct GradientOptions {
+pub struct IntervalOptions {
     /// Whether a recipe's noise is scaled up, a coordinate each, where the best fit misses the measurements by more, before its intervals.
     pub scale_noise: bool,
     /// Residuals beyond this many standard deviations count linearly, not squared [huber1964] [-].
@@ -133,17 +133,28 @@ pub struct GradientOptions {
     pub interval: f64,
 }
 
-impl Default for GradientOptions {
+impl Default for IntervalOptions {
     fn default() -> Self {
-        GradientOptions { scale_noise: true, robust: 3.0, samples: 48, interval: 0.9 }
+        IntervalOptions { scale_noise: true, robust: 3.0, samples: 48, interval: 0.9 }
     }
 }
 
 impl CalibrateOptions {
+    /// The options as far as the method hears them, and the others by default: the posterior has no swarm, and a belief no weight in a cost.
+    #[must_use]
+    pub fn heard(&self) -> CalibrateOptions {
+        let mut out = self.clone();
+        if self.method == Method::Posterior {
+            out.swarm = SwarmOptions::default();
+            out.loads.iter_mut().for_each(|load| load.weight = load_weight());
+        }
+        out
+    }
+
     /// Refuses options that the method does not hear.
     fn refuse_unheard(&self) -> Result<(), CalibrationError> {
         let refused = |what: &str| Err(CalibrationError::Option(what.into()));
-        let (own, usual) = (&self.gradient, GradientOptions::default());
+        let (own, usual) = (&self.gradient, IntervalOptions::default());
         if self.method == Method::Posterior && own.samples != usual.samples {
             return refused("gradient.samples is not heard by the method posterior: set inference.samples");
         }

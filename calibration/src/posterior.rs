@@ -8,7 +8,7 @@ use crate::cost::FAILED;
 use crate::design::{Design, Kind};
 use crate::error::CalibrationError;
 use crate::experiment::Experiment;
-use crate::options::GradientOptions;
+use crate::options::IntervalOptions;
 use crate::problem::Probes;
 use crate::problem::Problem;
 use inference::parameter::Prior;
@@ -247,7 +247,7 @@ pub fn of_recipe(
     problem: &Problem,
     point: &[f64],
     rivals: Vec<(f64, Vec<f64>)>,
-    options: &GradientOptions,
+    options: &IntervalOptions,
     seed: u64,
 ) -> Result<Found, CalibrationError> {
     let n = point.len();

@@ -12,9 +12,9 @@ use crate::posterior::{ends, mean};
 use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::unmeasured::force_sd;
 use attachments::groups::GROUPS;
+use inference::discrepancy::DrawnDiscrepancy;
 use inference::knee::predict::Prediction;
 use inference::knee::{Answers, Quantity, Trials, models_at};
-use inference::lacking::Lacking;
 use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normals, stream};
@@ -34,7 +34,7 @@ use std::collections::BTreeMap;
 /// Version of the file of samples.
 pub const SCHEMA: &str = "samples/1";
 /// Seed of the loads that the model lacks, beside the calibration's own.
-const LACKING_SEED: u64 = 0x6c61_636b;
+const DISCREPANCY_SEED: u64 = 0x6c61_636b;
 /// The same of the noise of readings.
 const READING_SEED: u64 = 0x7265_6164;
 
@@ -367,7 +367,8 @@ impl Samples {
         }
         let used = self.len().min(question.most);
         let near = (&mode, &answers);
-        let lacking: Vec<Lacking> = (0..used).map(|s| knee.discrepancy.drawn(self.of.seed ^ LACKING_SEED, s)).collect();
+        let lacking: Vec<DrawnDiscrepancy> =
+            (0..used).map(|s| knee.discrepancy.drawn(self.of.seed ^ DISCREPANCY_SEED, s)).collect();
         let of_able: Vec<Trial> = able.iter().map(|i| asked[*i].clone()).collect();
         let knee = Trials { trials: &of_able, ..knee };
         let all = asked.len();

@@ -14,6 +14,7 @@ use crate::targets::{TargetOptions, Targets, targets};
 use crate::unknowns::KnownFrames;
 use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
+use sim::Model;
 use sim::SimError;
 use sim::coordinate::Load;
 use sim::laxity::{LaxityTrial, SignDoubt, Test, against_model};
@@ -68,6 +69,22 @@ impl Outcome {
     pub fn name_of(&self, target: usize) -> String {
         let ((names, of), trial) = (&self.sources, &self.trials[target].trial);
         if names.len() > 1 { format!("{}/{trial}", names[of[target]]) } else { trial.clone() }
+    }
+
+    /// The trials of each data set, by its name.
+    pub fn data_sets(&self) -> Vec<(&str, Vec<&LaxityTrial>)> {
+        let (names, of) = &self.sources;
+        let mine = |s: usize| self.trials.iter().zip(of).filter(move |(_, of)| **of == s).map(|(t, _)| t).collect();
+        names.iter().enumerate().map(|(s, name)| (name.as_str(), mine(s))).collect()
+    }
+
+    /// The data sets in words, each with what was cut before it: "rks and rks_acl (without ACL)".
+    pub fn in_words(&self) -> String {
+        let one = |(name, trials): (&str, Vec<&LaxityTrial>)| match trials.first() {
+            Some(t) if !t.without.is_empty() => format!("{name} (without {})", t.without.join(" and ")),
+            _ => name.to_owned(),
+        };
+        self.data_sets().into_iter().map(one).collect::<Vec<_>>().join(" and ")
     }
 
     /// The frames in which a data set reads poses: `assembled`, those of the model before its calibration, with the most probable turns and shifts of all
@@ -182,6 +199,7 @@ impl Session {
         watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
         on_fit: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Outcome, CalibrationError> {
+        self.is_for(&knee.model)?;
         if self.identity.options.method == Method::Posterior {
             return self.infer(knee, &checkpoint, watch, on_fit);
         }
@@ -200,6 +218,17 @@ impl Session {
         let found = calibrate(&mut checkpoint, &problem, &probes, watch)?;
         let spec = self.design.apply(&knee.spec, &found.values);
         Ok(self.outcome(found, spec, vec![]))
+    }
+
+    /// Refuses trials of what the model does not have: a ligament that was cut, a patella that is pulled.
+    fn is_for(&self, model: &Model) -> Result<(), CalibrationError> {
+        let fault = |(name, trial): (&String, &LaxityTrial)| {
+            let e = model.in_trial(trial).err()?;
+            let of = if self.sources.len() > 1 { format!("{name}: ") } else { String::new() };
+            Some(CalibrationError::Targets(format!("{of}row {} ({}): {e}", trial.row.unwrap_or(0), trial.trial)))
+        };
+        let mut all = self.sources.iter().flat_map(|(name, t)| t.trials.iter().map(move |trial| (name, trial)));
+        all.find_map(fault).map_or(Ok(()), Err)
     }
 
     /// The posterior, in one go.

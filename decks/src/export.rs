@@ -83,6 +83,7 @@ pub fn export_with(
         mains.push(name);
     }
     warnings.extend(without_quadriceps(trials, "decks are without it, as no deck has a patella"));
+    warnings.extend(of_a_cut_knee(trials, "decks"));
     Ok(ExportedDeck { files, mains, warnings })
 }
 
@@ -125,6 +126,14 @@ pub fn without_quadriceps(trials: &[LaxityTrial], files: &str) -> Option<Notice>
     let pulled = trials.iter().filter(|t| t.quadriceps_n != 0.0).count();
     let text = format!("{pulled} trials have a pull of the quadriceps; their {files}");
     (pulled > 0).then(|| Kind::NotInFormat.notice(text).count(pulled))
+}
+
+/// What is said of trials of a cut knee, and of their `files`: those have the whole one.
+pub fn of_a_cut_knee(trials: &[LaxityTrial], files: &str) -> Option<Notice> {
+    let cut: Vec<&LaxityTrial> = trials.iter().filter(|t| !t.without.is_empty()).collect();
+    let names = cut.first()?.without.join(" and ");
+    let text = format!("{} trials are of a knee without {names}; their {files} have the whole knee", cut.len());
+    Some(Kind::NotInFormat.notice(text).count(cut.len()))
 }
 
 /// The number in at most 20 characters, Abaqus' limit: shortest exact where that fits.

@@ -38,7 +38,7 @@ mod tree;
 mod usual;
 mod variant;
 
-pub use export::{ExportedDeck, export, export_with, without_quadriceps};
+pub use export::{ExportedDeck, export, export_with, of_a_cut_knee, without_quadriceps};
 pub use import::{ImportedDeck, import};
 pub use imposed::{Imposed, ImposedPoint, ImposedStep, imposed};
 pub use names::written_names;

@@ -37,7 +37,7 @@ use std::collections::BTreeMap;
 pub use crate::report::{
     Absorbed, Answer, Control, Diagnosis, Exchanged, Gap, GapReport, Named, NotTestable, Value, Verdict,
 };
-use crate::report::{MayBeTorn, Missable, named};
+use crate::report::{DetectionLimit, MayBeTorn, named};
 
 /// The diagnosis with what is needed to add its answer.
 #[derive(Clone, Debug)]
@@ -348,7 +348,7 @@ fn to_tell_apart<'a>(
 }
 
 /// What would have been missed, and which structures may be torn, each with two fits.
-type Open = (Vec<Missable>, Vec<(MayBeTorn, [Fit; 2])>);
+type Open = (Vec<DetectionLimit>, Vec<(MayBeTorn, [Fit; 2])>);
 
 /// What these trials leave open where nothing is named.
 fn left_open(searcher: &Searcher, search: &Search, verdict: Verdict, threshold: f64) -> Result<Open, DiagnosisError> {

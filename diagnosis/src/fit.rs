@@ -131,7 +131,7 @@ struct State {
     linear: Linear,
     residual: DVector<f64>,
     white: DVector<f64>,
-    slope: DMatrix<f64>,
+    jacobian: DMatrix<f64>,
     weighed: Weighed,
     cost: f64,
 }
@@ -151,12 +151,12 @@ impl Data<'_> {
         };
         let whitening = weighed.whitening.as_ref().unwrap_or(self.mixture.plain());
         let white = whitening.white_vector(&residual);
-        let slope = whitening.white(&self.readings.rows_of(&linear.jacobian));
+        let jacobian = whitening.white(&self.readings.rows_of(&linear.jacobian));
         let means = &self.problem.nuisance.mean;
         let prior: f64 = unknowns.iter().enumerate().map(|(k, x)| prior(k, means, *x).0).sum();
         let cost = weighed.cost + prior;
         let cost = if cost.is_finite() { cost } else { f64::INFINITY };
-        Ok(State { unknowns, linear, residual, white, slope, weighed, cost })
+        Ok(State { unknowns, linear, residual, white, jacobian, weighed, cost })
     }
 
     /// The most probable unknowns under a hypothesis, from a start. A trial that was set aside on the way pulls no more: from where such a fit ends, all
@@ -210,8 +210,8 @@ impl Data<'_> {
     }
 
     fn quadratic(&self, here: &State) -> (DMatrix<f64>, DVector<f64>) {
-        let mut hessian = here.slope.tr_mul(&here.slope);
-        let mut gradient = -here.slope.tr_mul(&here.white);
+        let mut hessian = here.jacobian.tr_mul(&here.jacobian);
+        let mut gradient = -here.jacobian.tr_mul(&here.white);
         for (k, x) in here.unknowns.iter().enumerate() {
             let (_, slope, curvature) = prior(k, &self.problem.nuisance.mean, *x);
             hessian[(k, k)] += curvature;

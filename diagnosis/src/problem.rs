@@ -163,12 +163,12 @@ impl Problem {
         let nuisance = Nuisances::new(spec, &design, &sources_of, calibrate);
         // where the model brings a second contact, the diagnosis works with that one
         let assembled = model.with_second_share(1.0)?;
-        let models = nuisance.apply(&assembled, &vec![0.0; nuisance.len()])?;
         let stated = spec.uncertainty.as_ref().filter(|_| nuisance.are_of_a_built_knee());
         let cartilage_mm = stated.map_or(0.0, |u| u.cartilage_mm);
         let usual_noise = calibrate.targets.noise;
         let trials = trials(sources, &usual_noise)?;
         trials.iter().try_for_each(|t| model.in_trial(&t.record).map(drop))?;
+        let models = nuisance.apply(&assembled, &vec![0.0; nuisance.len()])?.as_cut(&trials)?;
         let mut problem = Problem {
             model: models.shared().clone(),
             models,
@@ -335,14 +335,24 @@ impl Problem {
             }
         }
         out.retain(|c| self.absorbed.iter().all(|t| t.candidate != *c));
+        out.retain(|c| c.variant_name().is_none_or(|structure| !self.was_cut(&structure)));
         out
     }
 
-    /// The model with other values of its nuisance parameters.
+    /// Whether a structure was cut before all that the question is about, as the files say: nothing can be missing of it.
+    pub fn was_cut(&self, structure: &str) -> bool {
+        let bundles = self.model.bundle_names();
+        let own = |b: &&String| *b == structure || b.strip_prefix(structure).is_some_and(|r| r.starts_with('_'));
+        let own: Vec<usize> = bundles.iter().enumerate().filter(|(_, b)| own(b)).map(|(k, _)| k).collect();
+        let is_cut = |source: usize| own.iter().all(|&b| self.models.of(Some(source)).is_removed(b));
+        !own.is_empty() && self.asked().into_iter().all(is_cut)
+    }
+
+    /// The model with other values of its nuisance parameters, each data set's as its knee was cut.
     ///
     /// Errors: values out of the model's range.
     pub fn models_at(&self, unknowns: &[f64]) -> Result<Models, DiagnosisError> {
-        self.nuisance.apply(&self.assembled, unknowns)
+        Ok(self.nuisance.apply(&self.assembled, unknowns)?.as_cut(&self.trials)?)
     }
 
     /// The model where it stands, as a trial is put to it without effects.

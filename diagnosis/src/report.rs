@@ -134,7 +134,7 @@ pub(crate) fn left_out(problem: &Problem) -> Option<LeftOut> {
 /// A size below which an effect would more often have been missed than named.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Missable {
+pub struct DetectionLimit {
     /// The effect.
     pub effect: String,
     /// The structure it is about, where it may be about several.
@@ -407,7 +407,7 @@ pub struct Diagnosis {
     pub without: Vec<String>,
     /// Where nothing is named: sizes of effects that would more often have been missed than named.
     #[serde(default)]
-    pub missable: Vec<Missable>,
+    pub missable: Vec<DetectionLimit>,
     /// Which test would tell the rivals apart.
     pub next_tests: Vec<NextTest>,
     /// Measurement noise as the data have it; answers of earlier versions have none.

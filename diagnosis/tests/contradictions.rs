@@ -64,7 +64,7 @@ fn a_row_that_was_edited_is_named_first_with_its_twin_in_the_other_data_set() {
     let row = format!("row {} of rks", trial + 2);
     assert!(told.plain.contains(&row), "{}", told.plain);
     // the row that was edited is never told to be the sound one of the two, and what tells is told with it
-    assert!(first.odd_one().is_none_or(|k| first.readings[k].source == "rks"), "{first:?}");
+    assert!(first.outlier().is_none_or(|k| first.readings[k].source == "rks"), "{first:?}");
     let [noise, z] = [first.noise.unwrap()[1], first.z.unwrap()];
     assert!(noise > 0.0 && noise < first.sd && (0.5 * z * z - first.surprise).abs() < 1e-9, "{first:?}");
     assert!(first.contradicts.unwrap().iter().all(|n| *n >= 1), "{first:?}");

@@ -7,10 +7,10 @@ mod jacobian;
 pub mod predict;
 mod reading;
 
+use crate::discrepancy::ModelDiscrepancy;
 use crate::error::InferenceError;
 use crate::frames::{FrameSteps, Terms, corrected, frame_steps};
 use crate::jacobian::pressed;
-use crate::lacking::ModelDiscrepancy;
 use crate::parameter::Parameter;
 use crate::posterior::{Forward, Point};
 use crate::quantity::shares;
@@ -111,6 +111,21 @@ impl Models {
     /// In the frames of all.
     pub fn shared(&self) -> &Model {
         &self.0[0]
+    }
+
+    /// With what was cut of the knee in each data set, as its trials say. A data set is of one state of the knee.
+    ///
+    /// # Errors
+    /// A ligament that the model does not have.
+    pub fn as_cut(mut self, trials: &[Trial]) -> Result<Models, SimError> {
+        let mut known = std::collections::BTreeSet::new();
+        for trial in trials.iter().filter(|t| !t.record.without.is_empty()) {
+            let Some(source) = trial.source.filter(|s| known.insert(*s)) else { continue };
+            let shared = self.0[0].clone();
+            self.0.resize(self.0.len().max(source + 2), shared);
+            self.0[source + 1] = self.0[source + 1].without(&trial.record.without)?;
+        }
+        Ok(self)
     }
 }
 

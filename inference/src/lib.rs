@@ -27,11 +27,11 @@
 //! ```
 
 mod box_step;
+pub mod discrepancy;
 pub mod error;
 pub mod frames;
 pub mod jacobian;
 pub mod knee;
-pub mod lacking;
 pub mod least_squares;
 pub mod linear;
 pub mod next_test;

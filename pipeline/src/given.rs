@@ -3,9 +3,11 @@
 use crate::error::{BuildError, Place};
 use crate::kept::{Kept, Read};
 use crate::record::hash;
+use attachments::bundle::{BUNDLES, LIGAMENTS};
 use notices::{Kind, Notice};
 use serde::Serialize;
 use sim::laxity::{LaxityTrial, Named, SignDoubt, Tracked};
+use sim::names::did_you_mean;
 use stages::ingest::{named, paths_named_in};
 use stages::specimen::{CtPaths, RawSpecimen, SpecimenFile};
 use std::collections::{BTreeMap, BTreeSet};
@@ -118,6 +120,9 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
         let format = file.laxity_format.get(name).cloned().unwrap_or_default();
         let table = sim::laxity::read_as(found, &format, file.specimen.side)
             .map_err(|e| BuildError::at(Place::in_laxity(path, &e), format!("{path}: {e}")))?;
+        if let Some(what) = no_ligament(&table.trials) {
+            return Err(BuildError::of_file(Path::new(path), format!("{path}: {what}")));
+        }
         warnings.extend(told(path, &table));
         digests.insert(name.clone(), hash(found));
         tracked.extend(format.tracked.map(|bodies| (name.clone(), bodies)));
@@ -136,6 +141,23 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
         passive.push(read_passive(name, path, bytes("passive", name, path)?)?);
     }
     Ok((Kept::read(Measured { laxity, digests, tracked, warnings })?, Kept::read(PassiveFlexion(passive))?))
+}
+
+/// Menisci by the names under which a trial may be without them.
+const MENISCI: [&str; 2] = ["meniscus_medial", "meniscus_lateral"];
+
+/// What is said of a ligament that a file calls cut and no built knee has; none where it has all of them.
+pub fn no_ligament(trials: &[LaxityTrial]) -> Option<String> {
+    let known = || BUNDLES.iter().map(|b| b.name.as_str()).chain(MENISCI);
+    let fits = |name: &str| known().any(|k| k == name || k.strip_prefix(name).is_some_and(|r| r.starts_with('_')));
+    let first = trials.first()?;
+    let name = first.without.iter().find(|name| !fits(name))?;
+    let near = did_you_mean(name, LIGAMENTS.iter().copied().chain(known()));
+    let ligaments = LIGAMENTS.join(", ");
+    Some(format!(
+        "row {}, column \"without\": no ligament is called {name}{near}; expected some of {ligaments}, joined by +",
+        first.row.unwrap_or(0)
+    ))
 }
 
 /// What is said of a file that is given as two data sets; none where each is its own.
@@ -204,4 +226,33 @@ fn of_value(value: &impl Serialize) -> Result<String, BuildError> {
     let mut bytes = Vec::new();
     ciborium::into_writer(value, &mut bytes).map_err(|e| BuildError::File(format!("what was read: {e}")))?;
     Ok(hash(&bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim::coordinate::Load;
+    use sim::laxity::Test;
+
+    #[test]
+    fn what_no_built_knee_has_cannot_have_been_cut() {
+        let of = |names: &[&str]| {
+            let one = LaxityTrial::asked("a".into(), Test::Neutral, 30.0, Load::default());
+            no_ligament(&[LaxityTrial {
+                row: Some(2),
+                without: names.iter().map(|n| (*n).to_owned()).collect(),
+                ..one
+            }])
+        };
+        let known = [&[][..], &["ACL"], &["ACL_AM", "PCAP"], &["meniscus_medial", "sMCL"]];
+        assert!(known.iter().all(|names| of(names).is_none()));
+        for (name, meant) in [("acl", "ACL"), ("MCL", "sMCL or dMCL"), ("ACLX", "ACL")] {
+            let told = of(&["ALS", name]).unwrap();
+            assert!(
+                told.starts_with("row 2, column \"without\"") && told.contains(&format!("mean {meant}?")),
+                "{told}"
+            );
+        }
+        assert!(of(&["patella"]).is_some());
+    }
 }

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use sim::Model;
 use sim::explicit::{ExplicitOptions, TrialSteps, explicit_protocol, explicit_trial, unobserved};
 use sim::flags::{Flag, sentences};
+use sim::jumps::flag_jumps;
 use sim::laxity::{self, LaxityTrial, TrialResult};
 use sim::names::did_you_mean;
 use sim::protocols::{self, COMPRESSION_N, Protocol, ProtocolOptions};
@@ -205,6 +206,7 @@ fn answers_to(
         Some(base.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?)
     };
     let model = cut.as_ref().unwrap_or(base);
+    is_asked_of(base, &trials, args)?;
     let names = model.bundle_names();
     let ((mut results, lost), why) = match args.protocol {
         Some(protocol) => {
@@ -233,6 +235,17 @@ fn answers_to(
     let csv = of_model(&csv, &loaded.label())?;
     let told = told(loaded, &results, (&csv, args), by, (words, warnings));
     Ok(Answered { csv, told })
+}
+
+/// Refuses the first trial that asks for what the model does not have.
+fn is_asked_of(model: &Model, trials: &[LaxityTrial], args: &SimulateArgs) -> Result<(), BuildError> {
+    let file = args.trials.as_deref().unwrap_or(Path::new(""));
+    let fault = |t: &LaxityTrial| {
+        let e = model.in_trial(t).err()?;
+        let text = format!("{}: row {} ({}): {e}", file.display(), t.row.unwrap_or(0), t.trial);
+        Some(BuildError::of_file(file, text))
+    };
+    trials.iter().find_map(fault).map_or(Ok(()), Err)
 }
 
 /// Refuses to read as a data set that the model does not know: it knows those it is calibrated to, and those whose effects were added to it.
@@ -373,6 +386,7 @@ fn answers(
             Err(e) => return Err(e),
         }
     }
+    flag_jumps(&mut found);
     match why {
         Some(e) if found.is_empty() => Err(e),
         _ => Ok((found, lost)),

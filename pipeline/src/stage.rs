@@ -46,6 +46,7 @@ use notices::Notice;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::any::{Any, TypeId};
+use std::borrow::Cow;
 
 /// The file in a stage's folder that holds its value.
 pub(crate) const VALUE: &str = "value.cbor";
@@ -115,7 +116,7 @@ pub(crate) trait Stage: Sync + 'static {
     /// What it is given.
     type Inputs<'a>: Inputs;
     /// Its options.
-    type Options: Serialize;
+    type Options: Serialize + Clone;
     /// What it makes.
     type Value: Serialize + DeserializeOwned + Reported + 'static;
     /// What it says where it cannot go on.
@@ -123,6 +124,10 @@ pub(crate) trait Stage: Sync + 'static {
 
     /// Its section of the options.
     fn options(all: &BuildOptions) -> &Self::Options;
+    /// The same as far as its work depends on them, as it stands in the key: what another option silences is as by default.
+    fn heard(all: &BuildOptions) -> Cow<'_, Self::Options> {
+        Cow::Borrowed(Self::options(all))
+    }
     /// Its work.
     fn run(inputs: Self::Inputs<'_>, options: &Self::Options, work: &Work) -> Result<Self::Value, Self::Fault>;
     /// What it leaves in its folder, in formats that ParaView, MeshLab and a text editor open.
@@ -155,7 +160,7 @@ pub(crate) trait Stage: Sync + 'static {
 
 /// A stage's section of the options, as it stands in the key.
 pub(crate) fn section<S: Stage>(all: &BuildOptions) -> Result<String, BuildError> {
-    serde_json::to_string(S::options(all)).map_err(|e| BuildError::Option(e.to_string()))
+    serde_json::to_string(&*S::heard(all)).map_err(|e| BuildError::Option(e.to_string()))
 }
 
 /// A stage as the lists see it: [`Stage`] without its types.

@@ -19,6 +19,8 @@ pub enum Flag {
     Rotated,
     /// Another equilibrium was found beside it.
     Several,
+    /// Under the same loads the knee is elsewhere within a degree of flexion.
+    Jumps,
     /// This ligament bears more than it can.
     Torn(String),
     /// The patella's forces do not balance.
@@ -151,6 +153,7 @@ impl Display for Flag {
             Flag::Dislocated => f.write_str("dislocated"),
             Flag::Rotated => f.write_str("rotated beyond any knee"),
             Flag::Several => f.write_str("several equilibria"),
+            Flag::Jumps => f.write_str("jumps within a degree of flexion"),
             Flag::Torn(ligament) => write!(f, "{ligament} beyond its failure load"),
             Flag::PatellaUnbalanced => f.write_str("patella out of balance"),
             Flag::PatellaOffGroove => f.write_str("patella off the groove"),

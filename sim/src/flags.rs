@@ -78,8 +78,7 @@ fn patella(model: &Model, gs: &Six, evaluation: &Evaluation) -> Vec<Flag> {
 fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Option<Flag> {
     let ct = model.joint.ct_pose();
     let most = [(ML, limits.dislocation_mm), (SI, limits.dislocation_mm), (AP, limits.dislocation_ap_mm)];
-    let is_turned_over = gs[FE].to_degrees() < LEAST_FLEXION_DEG;
-    if is_turned_over || most.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit) {
+    if is_turned_over(gs) || most.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit) {
         return Some(Flag::Dislocated);
     }
     let frames = [model.joint.femur(), model.joint.tibia()];
@@ -101,6 +100,11 @@ fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> O
     }
 }
 
+/// Whether the knee has turned over: its flexion is of no knee.
+fn is_turned_over(gs: &Six) -> bool {
+    gs[FE].to_degrees() < LEAST_FLEXION_DEG
+}
+
 /// Whether one compartment bears less of the load than [`LEAST_SHARE`].
 fn bears_on_one(bearings: &[Bearing]) -> bool {
     let of = |compartment: usize| -> f64 {
@@ -112,8 +116,7 @@ fn bears_on_one(bearings: &[Bearing]) -> bool {
 
 /// Whether the tibia is turned further than knees turn.
 fn is_turned_too_far(model: &Model, gs: &Six) -> bool {
-    let is_turned_over = gs[FE].to_degrees() < LEAST_FLEXION_DEG;
-    if is_turned_over || (gs[VV] - model.joint.ct_pose()[VV]).to_degrees().abs() > OPENS_DEG {
+    if is_turned_over(gs) || (gs[VV] - model.joint.ct_pose()[VV]).to_degrees().abs() > OPENS_DEG {
         return true;
     }
     let [low, high] = TURNS_AT_DEG;

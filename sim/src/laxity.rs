@@ -131,6 +131,9 @@ pub struct LaxityTrial {
     /// Tension of the quadriceps [N]; 0 where no column gives it.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub quadriceps_n: f64,
+    /// Ligaments and bundles that were cut before it, as [`crate::Model::without`] takes them; in order, each once.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without: Vec<String>,
     /// The trial from whose pose the readings count: displacements, as an arthrometer gives them. None where they are poses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
@@ -149,7 +152,7 @@ pub struct Reference {
 }
 
 /// What is done to a knee in a trial.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Imposed {
     /// Loads on the tibia.
     pub load: Load,
@@ -157,6 +160,8 @@ pub struct Imposed {
     pub fe_deg: f64,
     /// Tension of the quadriceps [N].
     pub quadriceps_n: f64,
+    /// Ligaments and bundles that were cut.
+    pub without: Vec<String>,
 }
 
 /// Whether a number is left out of what is written.
@@ -180,6 +185,7 @@ impl LaxityTrial {
             order: None,
             time_s: None,
             quadriceps_n: 0.0,
+            without: vec![],
             reference: None,
         }
     }
@@ -191,6 +197,7 @@ impl LaxityTrial {
             load,
             fe_deg,
             quadriceps_n,
+            without,
             row: _,
             trial: _,
             test: _,
@@ -201,8 +208,8 @@ impl LaxityTrial {
             order: _,
             time_s: _,
             reference: _,
-        } = *self;
-        Imposed { load, fe_deg, quadriceps_n }
+        } = self;
+        Imposed { load: *load, fe_deg: *fe_deg, quadriceps_n: *quadriceps_n, without: without.clone() }
     }
 
     /// The trial from whose pose the readings count, with nothing measured.
@@ -210,6 +217,7 @@ impl LaxityTrial {
         self.reference.as_ref().map(|r| LaxityTrial {
             nominal_flexion_deg: self.nominal_flexion_deg,
             quadriceps_n: self.quadriceps_n,
+            without: self.without.clone(),
             ..LaxityTrial::asked(r.trial.clone(), Test::Neutral, r.fe_deg, r.load)
         })
     }

@@ -24,6 +24,7 @@ pub mod flags;
 pub mod graft;
 pub mod interrupt;
 pub mod joint;
+pub mod jumps;
 pub mod laxity;
 pub mod ligament;
 pub mod menisci;

@@ -313,12 +313,19 @@ impl Model {
         if tension == 0.0 { Ok(Cow::Borrowed(self)) } else { self.with_quadriceps(tension).map(Cow::Owned) }
     }
 
-    /// The model as a trial has it: under the tension of its quadriceps. What a column of a trial does to the knee itself belongs here.
+    /// The model as a trial has it: with what was cut, under the tension of its quadriceps. What a column of a trial does to the knee itself belongs here.
     ///
     /// # Errors
-    /// As [`Model::with_quadriceps`].
+    /// As [`Model::without`] and [`Model::with_quadriceps`].
     pub fn in_trial(&self, trial: &LaxityTrial) -> Result<Cow<'_, Model>, SimError> {
-        self.pulled(trial.quadriceps_n)
+        if trial.without.is_empty() {
+            return self.pulled(trial.quadriceps_n);
+        }
+        let cut = self.without(&trial.without).map_err(|e| match e {
+            SimError::Input(what) => SimError::Input(format!("column \"without\": {what}; names are joined by +")),
+            other => other,
+        })?;
+        Ok(Cow::Owned(cut.pulled(trial.quadriceps_n)?.into_owned()))
     }
 
     /// The model with another friction coefficient [-].

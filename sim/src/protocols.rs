@@ -7,6 +7,7 @@ use crate::coordinate::{FE, Load};
 use crate::error::SimError;
 use crate::explicit::options::ExplicitOptions;
 use crate::flags::{Flag, HALF_PLATEAU_MM};
+use crate::jumps::flag_jumps;
 use crate::laxity::{LaxityTrial, Test, TrialResult};
 use crate::model::Model;
 use crate::quasistatic::Phase;
@@ -126,6 +127,16 @@ impl Default for ProtocolOptions {
 }
 
 impl ProtocolOptions {
+    /// The options as far as the solver hears them, and the others by default: with the quasi-static one alone there is nothing to hold it against.
+    #[must_use]
+    pub fn heard(&self) -> ProtocolOptions {
+        let mut out = self.clone();
+        if self.solver == Solver::Quasistatic {
+            (out.agree, out.explicit) = (Agreement::default(), ExplicitOptions::default());
+        }
+        out
+    }
+
     /// Path, solver and limits of a protocol: in a pivot shift less AP is a dislocation.
     pub(crate) fn of(&self, protocol: Protocol) -> TrialOptions {
         let ap = self.trials.dislocation_ap_mm;
@@ -179,7 +190,10 @@ pub(crate) fn with_lost<'a>(
     }
     match why {
         Some(e) if out.iter().all(|r| r.flags.contains(&Flag::NoEquilibrium)) => Err(e),
-        why => Ok((out, why)),
+        why => {
+            flag_jumps(&mut out);
+            Ok((out, why))
+        }
     }
 }
 

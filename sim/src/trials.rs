@@ -196,22 +196,24 @@ pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -
     solved.map_err(|e| e.of_trial(&trial.trial))
 }
 
-/// Solves trials in parallel, in order; those of one compression, and one tension of the quadriceps, share its settling. The same answers as
+/// Solves trials in parallel, in order; those of one compression, one tension of the quadriceps and one state of the knee share its settling. The same answers as
 /// [`solve_trial`]'s.
 pub fn solve_trials(model: &Model, trials: &[LaxityTrial], options: &TrialOptions) -> Vec<Result<Answer, SimError>> {
-    let rest = |t: &LaxityTrial| (t.quadriceps_n, t.load[SI]);
-    let order = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1));
-    let mut rests: Vec<(f64, f64)> = trials.iter().map(rest).collect();
+    let order = |a: &&LaxityTrial, b: &&LaxityTrial| {
+        let by_load = a.quadriceps_n.total_cmp(&b.quadriceps_n).then(a.load[SI].total_cmp(&b.load[SI]));
+        by_load.then_with(|| a.without.cmp(&b.without))
+    };
+    let mut rests: Vec<&LaxityTrial> = trials.iter().collect();
     rests.sort_by(order);
     rests.dedup_by(|a, b| order(a, b).is_eq());
-    let settled = |&(tension, compression): &(f64, f64)| {
-        let model = model.pulled(tension)?;
-        let state = settle(&model, compression, options)?;
+    let settled = |first: &&LaxityTrial| {
+        let model = model.in_trial(first)?;
+        let state = settle(&model, first.load[SI], options)?;
         Ok((model, state))
     };
     let settled: Vec<Result<(Cow<Model>, State), SimError>> = rests.par_iter().map(settled).collect();
     let answer = |trial: &LaxityTrial| {
-        let at = rests.binary_search_by(|r| order(r, &rest(trial))).unwrap_or_default();
+        let at = rests.binary_search_by(|r| order(r, &trial)).unwrap_or_default();
         let (model, state) = settled[at].as_ref().map_err(Clone::clone)?;
         solve_from(model, state, trial.fe_deg, &trial.load, options)
     };

@@ -4,4 +4,5 @@ mod displacements;
 mod laxity_outliers;
 mod laxity_shapes;
 mod laxity_sources;
+mod laxity_states;
 mod verification;

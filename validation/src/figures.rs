@@ -47,7 +47,7 @@ pub fn figure6(name: &str, cost: &CostFunction, predicted: &[Option<Free<f64>>])
             let error = errors.get(k).copied();
             let text = format!(
                 "{} {:.0} deg, {} trial{}: {axis} ({:.0}){}",
-                t.test.name(),
+                t.in_words(),
                 t.nominal_flexion_deg,
                 t.trials.len(),
                 if t.trials.len() == 1 { "" } else { "s" },

@@ -172,7 +172,7 @@ pub fn cost_table(cost: &CostFunction, predicted: &[Option<Free<f64>>]) -> Table
     for (t, error) in cost.terms.iter().zip(errors) {
         let share = t.weight * error / t.range;
         out.rows.push(vec![
-            t.test.name().to_owned(),
+            t.in_words(),
             format!("{:.0}", t.nominal_flexion_deg),
             t.coordinate.name().to_owned(),
             t.trials.len().to_string(),

@@ -151,8 +151,8 @@ pub fn promise(
     }
     let (fit, cov) = before_data(&problem, options)?;
     let readings = Readings::of(&problem, &|_| true);
-    let slope = readings.rows_of(&fit.linear.jacobian);
-    let mixture = Mixture::new(&readings, readings.block_of(&cov) + &slope * slope.transpose(), &problem.trials)?;
+    let jacobian = readings.rows_of(&fit.linear.jacobian);
+    let mixture = Mixture::new(&readings, readings.block_of(&cov) + &jacobian * jacobian.transpose(), &problem.trials)?;
     let all: Vec<f64> = signature.iter().flatten().copied().collect();
     let signature = readings.pick(&all);
     let half = |w: &Whitening| 0.5 * w.white_vector(&signature).norm_squared();

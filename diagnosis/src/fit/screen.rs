@@ -70,10 +70,10 @@ impl Marginal {
     ///
     /// Errors: a covariance that is not positive definite.
     pub fn new(fit: &Fit, readings: &Readings, covariance: &DMatrix<f64>) -> Result<Marginal, DiagnosisError> {
-        let slope = readings.rows_of(&fit.linear.jacobian);
+        let jacobian = readings.rows_of(&fit.linear.jacobian);
         let covariance = crate::problem::outlier::widened(covariance, &fit.outliers);
-        let whitening = Whitening::new(readings.block_of(&covariance) + &slope * slope.transpose())?;
-        let before = &fit.residual + slope * fit.from_means();
+        let whitening = Whitening::new(readings.block_of(&covariance) + &jacobian * jacobian.transpose())?;
+        let before = &fit.residual + jacobian * fit.from_means();
         Ok(Marginal { white: whitening.white_vector(&before), before, whitening })
     }
 

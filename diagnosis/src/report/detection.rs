@@ -4,7 +4,7 @@ use crate::effect::candidate::Candidate;
 use crate::error::DiagnosisError;
 use crate::fit::screen::{Marginal, Score, signatures};
 use crate::problem::Problem;
-use crate::report::{Missable, scope_name};
+use crate::report::{DetectionLimit, scope_name};
 use crate::search::{Search, log_prior};
 
 /// Sizes, parameter by parameter, whose expected log Bayes factor just reaches `threshold`: linear about nothing missing, ligaments and contact
@@ -16,7 +16,7 @@ pub fn limits_of_detection(
     problem: &Problem,
     search: &Search,
     threshold: f64,
-) -> Result<Vec<Missable>, DiagnosisError> {
+) -> Result<Vec<DetectionLimit>, DiagnosisError> {
     let candidates = problem.candidates();
     let signatures = signatures(problem, &search.base, &candidates)?;
     let marginal = Marginal::new(&search.base, &search.readings, &search.covariance)?;
@@ -36,8 +36,8 @@ pub fn limits_of_detection(
     Ok(out)
 }
 
-fn row(problem: &Problem, c: &Candidate, parameter: &str, size: f64, unit: &str) -> Missable {
-    Missable {
+fn row(problem: &Problem, c: &Candidate, parameter: &str, size: f64, unit: &str) -> DetectionLimit {
+    DetectionLimit {
         effect: c.name(),
         variant: c.variant_name(),
         scope: scope_name(problem, c),

@@ -55,7 +55,8 @@ pub(crate) fn structures(problem: &Problem) -> Vec<Candidate> {
         let of = |variant| Candidate { effect: effect.clone(), variant, scope: Scope::Both };
         (0..effect.variants.len()).map(of)
     });
-    let has = |c: &Candidate| c.variant_name().is_some_and(|s| !problem.nuisance.of_structure(&s).is_empty());
+    let own = |s: &str| !problem.nuisance.of_structure(s).is_empty() && !problem.was_cut(s);
+    let has = |c: &Candidate| c.variant_name().is_some_and(|s| own(&s));
     all.filter(has).collect()
 }
 

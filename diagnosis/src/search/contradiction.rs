@@ -11,7 +11,7 @@ use crate::problem::covariance::Readings;
 use crate::problem::trial::row_of;
 use crate::search::{Search, Searcher, TRIES};
 use inference::trial::Trial;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{Coordinate, FREE};
@@ -87,7 +87,7 @@ impl Contradiction {
     }
 
     /// Which of the two readings is off, by how many of those near it either contradicts; none where that does not tell.
-    pub fn odd_one(&self) -> Option<usize> {
+    pub fn outlier(&self) -> Option<usize> {
         let [first, second] = self.contradicts?;
         let is_far = |one: usize, other: usize| one >= OFF_BY_MOST * other.max(1);
         if is_far(second, first) { Some(1) } else { is_far(first, second).then_some(0) }
@@ -113,7 +113,7 @@ pub(crate) fn contradictions(
     fit: &Fit,
     is_missing: bool,
 ) -> Result<Vec<Contradiction>, DiagnosisError> {
-    let given = given(search, fit);
+    let given = given(&fit.residual, &search.readings.block_of(&search.covariance));
     // where the knee itself rests: next to a reading that no knee gives, another stiffness would stand in for its own
     let problem = searcher.problem.clone().with_far_rests(true);
     let linear = problem.linear(&fit.hypothesis, &fit.unknowns, &[])?;
@@ -122,8 +122,7 @@ pub(crate) fn contradictions(
     let searcher = &Searcher { problem: &problem, options: searcher.options };
     let pairs = pairs(&problem, search, fit);
     let bar = contradicted(if is_missing { 1 } else { pairs.len() });
-    // a knee that rests in two ways may give one reading by either
-    let open: Vec<Pair> = pairs.into_iter().filter(|p| !p.rows.iter().all(|r| given[*r])).collect();
+    let open = not_both(pairs, &given);
     let counts = counts(&open, search.readings.rows.len(), bar);
     let likely = promising(open, bar);
     let mut found: Vec<(Pair, Contradiction)> = likely
@@ -143,9 +142,13 @@ pub(crate) fn contradictions(
 }
 
 /// Whether a fit gives each reading, by whichever of its rests is nearest to it.
-fn given(search: &Search, fit: &Fit) -> Vec<bool> {
-    let scatter = search.readings.block_of(&search.covariance);
-    fit.residual.iter().enumerate().map(|(r, off)| off.abs() <= GIVEN * scatter[(r, r)].sqrt()).collect()
+fn given(residual: &DVector<f64>, scatter: &DMatrix<f64>) -> Vec<bool> {
+    residual.iter().enumerate().map(|(r, off)| off.abs() <= GIVEN * scatter[(r, r)].sqrt()).collect()
+}
+
+/// Pairs of which a fit does not give both readings: a knee that rests in two ways may give one by either.
+fn not_both(pairs: Vec<Pair>, given: &[bool]) -> Vec<Pair> {
+    pairs.into_iter().filter(|p| !p.rows.iter().all(|r| given[*r])).collect()
 }
 
 /// Of each reading how many pairs with it pass a bar on a straight line.
@@ -172,9 +175,9 @@ fn promising(mut pairs: Vec<Pair>, bar: f64) -> Vec<Pair> {
 /// All pairs of readings of one coordinate near the same load and flexion, with their surprise on a straight line about a fit.
 fn pairs(problem: &Problem, search: &Search, fit: &Fit) -> Vec<Pair> {
     let readings = &search.readings;
-    let slope = readings.rows_of(&fit.linear.jacobian);
-    let scatter = readings.block_of(&search.covariance) + &slope * slope.transpose();
-    let before = &fit.residual + &slope * fit.from_means();
+    let jacobian = readings.rows_of(&fit.linear.jacobian);
+    let scatter = readings.block_of(&search.covariance) + &jacobian * jacobian.transpose();
+    let before = &fit.residual + &jacobian * fit.from_means();
     let mut out = Vec::new();
     for (b, &(second, dof)) in readings.rows.iter().enumerate() {
         for (a, &(first, other)) in readings.rows[..b].iter().enumerate() {
@@ -198,12 +201,13 @@ fn surprise([x, y]: [f64; 2], together: f64) -> f64 {
     0.5 * ((x * x + y * y - 2.0 * together * x * y) / alone - x.abs().min(y.abs()).powi(2))
 }
 
-/// Whether two trials are near each other: a reader may lay them side by side. Loading and unloading are not.
+/// Whether two trials are near each other: a reader may lay them side by side. Loading and unloading are not, nor are a whole knee and a cut one.
 fn are_near(a: &Trial, b: &Trial) -> bool {
     let near = |x: f64, y: f64, most: f64| (x - y).abs() <= most;
     let branches = a.record.branch.zip(b.record.branch).is_none_or(|(a, b)| a == b);
     let loads = [a.load(), b.load()];
     branches
+        && a.record.without == b.record.without
         && near(a.flexion().to_degrees(), b.flexion().to_degrees(), NEAR_FLEXION_DEG)
         && near(a.record.quadriceps_n, b.record.quadriceps_n, NEAR_QUADRICEPS_N)
         && FREE.into_iter().zip(NEAR_LOADS).all(|(c, most)| near(loads[0][c], loads[1][c], c.to_force(most)))
@@ -223,7 +227,7 @@ fn fitted(
     let [a, b] = pair.rows.map(|r| search.readings.measured[r]);
     let readings = |which: &[(usize, f64)]| Readings {
         rows: which.iter().map(|(t, _)| (*t, pair.dof)).collect(),
-        measured: nalgebra::DVector::from_iterator(which.len(), which.iter().map(|(_, x)| *x)),
+        measured: DVector::from_iterator(which.len(), which.iter().map(|(_, x)| *x)),
     };
     let scatter = scatter_of(search, pair.trials);
     let few = Searcher { problem: &problem, options: searcher.options };
@@ -245,8 +249,8 @@ fn fitted(
     let [alone, beside] = [&one, &other].map(|f| 0.5 * few.total(f));
     let (first, fit) = if alone <= beside { (0, one) } else { (1, other) };
     let at = row_of(1 - first, pair.dof);
-    let slope = fit.linear.jacobian.row(at).transpose();
-    let spread = (slope.transpose() * &fit.posterior * &slope)[(0, 0)] + scatter[(at, at)];
+    let jacobian = fit.linear.jacobian.row(at).transpose();
+    let spread = (jacobian.transpose() * &fit.posterior * &jacobian)[(0, 0)] + scatter[(at, at)];
     let witness = |k: usize| witness(whole, pair.trials[k], [a, b][k]);
     let noise = pair.trials.map(|t| whole.trials[t].sd[pair.dof]);
     let surprise = 0.5 * few.total(&both) - alone.min(beside);
@@ -287,7 +291,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_row_that_contradicts_all_near_it_is_the_odd_one_and_of_two_alike_neither_is() {
+    fn a_row_that_contradicts_all_near_it_is_the_outlier_and_of_two_alike_neither_is() {
         let readings = 5;
         // reading 3 against all others, and nothing else; one pair stays below the bar
         let pair = |a: usize, b: usize, surprise: f64| Pair {
@@ -300,14 +304,24 @@ mod tests {
             [0usize, 1, 2, 4].map(|k| pair(k.min(3), k.max(3), 9.0)).into_iter().chain([pair(0, 1, 2.0)]).collect();
         let found = counts(&pairs, readings, 4.5);
         assert_eq!(found, [1, 1, 1, 4, 1]);
-        let odd = |contradicts: [usize; 2]| told(Some(contradicts)).odd_one();
+        let outlier = |contradicts: [usize; 2]| told(Some(contradicts)).outlier();
         for other in [0, 1, 2, 4] {
-            assert_eq!(odd([found[other], found[3]]), Some(1));
-            assert_eq!(odd([found[3], found[other]]), Some(0));
+            assert_eq!(outlier([found[other], found[3]]), Some(1));
+            assert_eq!(outlier([found[3], found[other]]), Some(0));
         }
-        assert_eq!((odd([1, 1]), odd([2, 3]), odd([0, 1])), (None, None, None));
+        assert_eq!((outlier([1, 1]), outlier([2, 3]), outlier([0, 1])), (None, None, None));
         // an answer of an earlier version does not tell
-        assert_eq!(told(None).odd_one(), None);
+        assert_eq!(told(None).outlier(), None);
+    }
+
+    #[test]
+    fn what_a_fit_gives_both_of_within_three_deviations_is_no_contradiction() {
+        let scatter = DMatrix::from_diagonal(&DVector::from_vec(vec![4.0, 0.25, 4.0]));
+        let given = given(&DVector::from_vec(vec![5.9, -1.4, -6.1]), &scatter);
+        assert_eq!(given, [true, true, false]);
+        let pair = |rows: [usize; 2]| Pair { rows, trials: rows, dof: sim::coordinate::AP, surprise: 9.0 };
+        let open = not_both(vec![pair([0, 1]), pair([0, 2]), pair([1, 2])], &given);
+        assert_eq!(open.iter().map(|p| p.rows).collect::<Vec<_>>(), [[0, 2], [1, 2]]);
     }
 
     #[test]

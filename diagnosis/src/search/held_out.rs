@@ -82,8 +82,8 @@ fn part(problem: &Problem, fit: &Fit, unseen: &Readings, cov: &DMatrix<f64>) -> 
     let block = unseen.block_of(cov);
     let mixture = Mixture::new(unseen, block.clone(), &problem.trials)?;
     let scatter: &Whitening = mixture.plain();
-    let slope = unseen.rows_of(&fit.linear.jacobian);
-    let spread = &slope * &fit.posterior * slope.transpose();
+    let jacobian = unseen.rows_of(&fit.linear.jacobian);
+    let spread = &jacobian * &fit.posterior * jacobian.transpose();
     let half = scatter.white(&spread);
     let expected = unseen.rows.len() as f64 + scatter.white(&half.transpose()).trace();
     let predictive = Mixture::new(unseen, block + spread, &problem.trials)?;

@@ -23,6 +23,13 @@ pub(super) fn make(args: &MakeArgs) -> Result<String, BuildError> {
     let loaded = model_file::load(&args.model)?;
     let input = knee(&loaded)?;
     let (sources, _) = diagnose::sources(&args.like)?;
+    if let Some(cut) = sources.iter().find(|s| s.trials.iter().any(|t| !t.without.is_empty())) {
+        let words = format!(
+            "--like {}: its knee was cut (column without); a protocol of a whole knee was expected, and --cuts cuts it",
+            cut.name
+        );
+        return Err(BuildError::Usage(words));
+    }
     let sources: Vec<Source> = sources.into_iter().map(|s| args.laboratory.plans(s)).collect();
     let hard = Hard::of(args);
     let plan: Vec<Planned> = sources.iter().flat_map(|s| s.trials.iter().map(|t| planned(&s.name, t))).collect();

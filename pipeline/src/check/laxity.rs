@@ -49,6 +49,8 @@ pub(super) fn judge(
                 let cost = "a calibration takes the readings, not the rows";
                 items.extend(thinner.map(|what| Item::new(&input, State::Look, what.text, cost)));
                 items.extend(left_out(&input, &trials, options));
+                let unknown = given::no_ligament(&trials).map(|what| format!("{path}: {what}"));
+                items.extend(unknown.map(|what| Item::new(&input, State::Fault, what, "")));
                 measured.insert(name.clone(), table.trials);
             }
         }
@@ -81,6 +83,10 @@ fn summary(input: &str, trials: &[LaxityTrial], warnings: &[Notice]) -> Item {
     let list: Vec<String> = flexions.iter().map(i64::to_string).collect();
     let tests: Vec<&str> = tests.into_iter().collect();
     let mut found = format!("{} trials at {} deg: {}", trials.len(), list.join(", "), tests.join(", "));
+    let cut = trials.first().map_or(&[][..], |t| &t.without);
+    if !cut.is_empty() {
+        found += &format!("; of the knee without {}", cut.join(" and "));
+    }
     let displaced = trials.iter().filter(|t| t.reference.is_some()).count();
     if displaced > 0 {
         found += &format!("; {displaced} read displacements from another trial's pose");

@@ -93,15 +93,18 @@ pub(super) fn of_laxity(path: &str, trials: &[LaxityTrial], side: Side) -> Vec<S
             first.trial
         ));
     }
+    if trials.iter().any(|t| !t.without.is_empty()) {
+        return found;
+    }
     let changed: Vec<&LaxityTrial> = trials.iter().filter(|t| says_changed(&t.trial)).collect();
     match (changed.first(), says_changed(file)) {
         (Some(first), _) => found.push(format!(
-            "{} trials, the first \"{}\": are they of a knee of which something was cut or mended, as their names say? Expected the knee as its model has it, with all ligaments: keep such trials in a file of their own",
+            "{} trials, the first \"{}\": are they of a knee of which something was cut or mended, as their names say? Expected the knee as its model has it, with all ligaments: keep such trials in a file of their own, with a column without (ACL)",
             changed.len(),
             first.trial
         )),
         (None, true) => found.push(
-            "the file: is it of a knee of which something was cut or mended, as its name says? Expected the knee as its model has it, with all ligaments"
+            "the file: is it of a knee of which something was cut or mended, as its name says? Expected the knee as its model has it, with all ligaments, or a column without (ACL)"
                 .to_owned(),
         ),
         (None, false) => {}

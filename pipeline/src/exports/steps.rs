@@ -35,6 +35,7 @@ pub(super) fn by_flexion(model: &LoadedModel, asked: Option<&Path>) -> Result<(V
         warnings.push(Kind::NotInFormat.notice(text).count(names.len()));
     }
     warnings.extend(decks::without_quadriceps(&trials, "files are without it"));
+    warnings.extend(decks::of_a_cut_knee(&trials, "files"));
     Ok((kept, warnings))
 }
 

@@ -165,8 +165,8 @@ impl<'a> Body<'a> {
     fn built(&self, checks: &[Check], failure: Option<&Failure>) -> (&'static str, String) {
         let [geometry, calibrated, ..] = self.four(checks, failure);
         let name = self.values.of::<Calibration>().and_then(Calibration::main).map(|(name, o)| match name {
-            JOINT => format!("{} together", o.sources.0.join(" and ")),
-            one => one.to_owned(),
+            JOINT => format!("{} together", o.in_words()),
+            _ => o.in_words(),
         });
         match (failure, name) {
             (Some(f), _) => ("failed", format!("The build stopped at {}.", heading(&f.stage))),

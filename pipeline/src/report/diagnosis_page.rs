@@ -10,7 +10,7 @@ use diagnosis::diagnosis::atlas::{Atlas, table};
 use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::report::not_excluded::{least_log_odds, to_one};
 use diagnosis::report::words::{fixed, listed, next_tells, parameter_of_effect, signed, sizes, with_unit};
-use diagnosis::report::{Diagnosis, Missable, Named, NotExcluded, Verdict};
+use diagnosis::report::{DetectionLimit, Diagnosis, Named, NotExcluded, Verdict};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -300,7 +300,7 @@ fn missed(out: &mut String, d: &Diagnosis) {
         return;
     }
     let mut scopes: Vec<&str> = Vec::new();
-    let mut rows: Vec<(&Missable, BTreeMap<&str, Vec<String>>)> = Vec::new();
+    let mut rows: Vec<(&DetectionLimit, BTreeMap<&str, Vec<String>>)> = Vec::new();
     for m in &d.missable {
         if !scopes.contains(&m.scope.as_str()) {
             scopes.push(&m.scope);

@@ -185,7 +185,8 @@ impl Knee<'_> {
         let force = self
             .contact
             .as_ref()
-            .map(|(m, _)| m.fibre_states(&pose).iter().map(|f| rounded(f.response.force, 10.0)).collect::<Vec<f64>>());
+            .and_then(|(m, _)| m.in_trial(t).ok())
+            .map(|m| m.fibre_states(&pose).iter().map(|f| rounded(f.response.force, 10.0)).collect::<Vec<f64>>());
         Some(Step {
             label,
             femur: self.pool.motion(&pose.femur),

@@ -8,7 +8,6 @@ use super::{Stage, Values};
 use crate::cohort::shared::the_rest;
 use crate::record::Failure;
 use crate::report::check::{Check, at_most};
-use crate::which_model::JOINT;
 use calibration::calibrate::Calibrated;
 use calibration::posterior::NoiseEstimate;
 use diagnosis::report::Verdict;
@@ -111,7 +110,7 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
     let units = ["deg varus-valgus", "deg rotation", "mm mediolateral", "mm anteroposterior", "mm proximal-distal"];
     let rms: Vec<String> = found.rms.iter().zip(units).filter_map(|(r, u)| r.map(|r| format!("{r:.1} {u}"))).collect();
     let determined = found.parameters.iter().filter(|p| p.determined > 0.5).count();
-    let told = if name == JOINT { main.sources.0.join(" and ") } else { name.to_owned() };
+    let told = main.in_words();
     let rest = the_rest(main.spec.calibrated.as_ref().and_then(|c| c.shared_prior.as_ref()));
     let mut words = format!(
         "One set of ligaments was fitted to {} measured loads ({told}). The model misses the measured positions by {} on average, up to {worst:.1} times the noise that was taken (limit {MOST_NOISE:.0}). The data settle {determined} of {} ligament parameters; {rest}.",

@@ -26,6 +26,7 @@ use sim::laxity::{BuiltBone, LaxityTrial};
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
@@ -58,6 +59,12 @@ pub(crate) struct Calibration {
 reported!(Calibration);
 
 impl Calibration {
+    /// The trials of every data set, by name: also of those that have a part in the joint calibration alone.
+    pub(crate) fn data_sets(&self) -> Vec<(String, Vec<LaxityTrial>)> {
+        let all: BTreeMap<&str, Vec<&LaxityTrial>> = self.all().flat_map(|(_, o)| o.data_sets()).collect();
+        all.into_iter().map(|(name, trials)| (name.to_owned(), trials.into_iter().cloned().collect())).collect()
+    }
+
     /// Every calibration by its folder's name, the joint one last.
     pub(crate) fn all(&self) -> impl Iterator<Item = (&str, &Outcome)> {
         self.sources.iter().map(|(n, o)| (n.as_str(), o)).chain(self.joint.iter().map(|o| (JOINT, o)))
@@ -96,6 +103,10 @@ impl Stage for Calibrate {
 
     fn options(all: &BuildOptions) -> &CalibrateOptions {
         &all.calibrate
+    }
+
+    fn heard(all: &BuildOptions) -> Cow<'_, CalibrateOptions> {
+        Cow::Owned(all.calibrate.heard())
     }
 
     fn run(
@@ -223,8 +234,11 @@ fn calibrate_all(
     // finished ones are kept until all are: an interruption costs no more than one
     let together = every.len() > 1 && options.method == Method::Posterior;
     let joint = if together { Some(work.part(JOINT, || one(&every, JOINT, None))?) } else { None };
+    // a cut knee tells nothing of what was cut: beside a whole one it has a part in the joint calibration, and none of its own
+    let is_cut = |m: &calibrate::Measured| m.1.iter().any(|t| !t.without.is_empty());
+    let has_own = |m: &calibrate::Measured| !together || !is_cut(m) || every.iter().all(is_cut);
     let mut sources = BTreeMap::new();
-    for (s, measured) in every.iter().enumerate() {
+    for (s, measured) in every.iter().enumerate().filter(|(_, m)| has_own(m)) {
         let of = |j: &Outcome| Some(Joint { frames: j.frames.get(s)?.clone(), values: j.found.mode.clone() });
         let joint = joint.as_ref().and_then(of);
         let found = work.part(&measured.0, || one(std::slice::from_ref(measured), &measured.0, joint))?;

@@ -58,7 +58,7 @@ pub(crate) fn heading(name: &str) -> String {
 mod tests {
     use super::*;
     use crate::option_docs::{self, OptionDoc};
-    use crate::options::{BuildOptions, parse_override, typed};
+    use crate::options::{BuildOptions, Override, parse_override, typed};
     use std::collections::BTreeMap;
 
     /// The value with its first number or truth changed, or the first of its words left out; `None` where it holds none.
@@ -99,21 +99,30 @@ mod tests {
     /// `calibrate.loads` is empty by default, and a list of tables.
     const LOADS: &str = "[{ bundles = [\"LCL\"], sd_n = 5.0 }]";
 
+    /// Options under which others are heard; with none of them all the rest are.
+    const HEARD_UNDER: [&str; 2] = ["", "calibrate.method=\"swarm-simplex\""];
+
     #[test]
     fn every_option_is_in_the_key_of_its_own_stage_and_of_no_other() {
         let sections = |o: &BuildOptions| STAGES.map(|s| s.section(o).unwrap());
-        let usual = sections(&BuildOptions::default());
         let all = option_docs::all().unwrap();
         assert!(all.len() > 150, "only {} options", all.len());
         let mut faults = Vec::new();
         for option in &all {
             let own = option.key.split('.').next().unwrap();
-            let changed = others(option).into_iter().find_map(|value| {
-                let set = parse_override(&format!("{}={value}", option.key)).ok()?;
-                let changed = sections(&typed(&BTreeMap::new(), &[set], None).ok()?);
-                (changed != usual).then_some(changed)
+            let changed = HEARD_UNDER.iter().find_map(|under| {
+                let under = (!under.is_empty()).then(|| parse_override(under).unwrap());
+                let with = |set: Option<Override>| {
+                    let sets: Vec<Override> = under.iter().cloned().chain(set).collect();
+                    Some(sections(&typed(&BTreeMap::new(), &sets, None).ok()?))
+                };
+                let usual = with(None).unwrap();
+                others(option).into_iter().find_map(|value| {
+                    let changed = with(Some(parse_override(&format!("{}={value}", option.key)).ok()?))?;
+                    (changed != usual).then(|| (usual.clone(), changed))
+                })
             });
-            let Some(changed) = changed else {
+            let Some((usual, changed)) = changed else {
                 faults.push(format!("{}: no other value than {} was taken", option.key, option.default));
                 continue;
             };
@@ -135,5 +144,27 @@ mod tests {
         let mut of_options: Vec<&str> = sections.keys().map(String::as_str).collect();
         of_options.sort_unstable();
         assert_eq!(names, of_options);
+    }
+
+    /// What is silenced changes no key, so that no stage is run again for the same bytes.
+    #[test]
+    fn an_option_that_another_silences_is_in_no_key() {
+        let key = |sets: &[&str]| {
+            let sets: Vec<Override> = sets.iter().map(|s| parse_override(s).unwrap()).collect();
+            STAGES.map(|s| s.section(&typed(&BTreeMap::new(), &sets, None).unwrap()).unwrap())
+        };
+        let belief = |weight: f64| {
+            format!("calibrate.loads=[{{ bundles = [\"LCL\"], sd_n = 5.0, most_n = 40.0, weight = {weight:?} }}]")
+        };
+        assert_eq!(key(&[&belief(50.0)]), key(&[&belief(7.0)]));
+        let recipe = "calibrate.method=\"swarm-simplex\"";
+        assert_ne!(key(&[recipe, &belief(50.0)]), key(&[recipe, &belief(7.0)]));
+        let (swarm, quasi) = ("calibrate.swarm.particles=30", "validate.solver=\"quasistatic\"");
+        assert_eq!(key(&[swarm]), key(&[]));
+        assert_ne!(key(&[recipe, swarm]), key(&[recipe]));
+        for silent in ["validate.agree.mm=0.5", "validate.explicit.mass_scale=7.0"] {
+            assert_eq!(key(&[quasi, silent]), key(&[quasi]), "{silent}");
+            assert_ne!(key(&[silent]), key(&[]), "{silent}");
+        }
     }
 }

@@ -30,6 +30,7 @@ use sim::protocols::ProtocolOptions;
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
+use std::borrow::Cow;
 use std::fmt::Write;
 use validation::apart::Apart;
 use validation::cross::{CrossPrediction, Range, ranges};
@@ -58,6 +59,10 @@ impl Stage for Validate {
         &all.validate
     }
 
+    fn heard(all: &BuildOptions) -> Cow<'_, ProtocolOptions> {
+        Cow::Owned(all.validate.heard())
+    }
+
     fn run(
         (assembled, bones, cartilage, calibration, passive): Self::Inputs<'_>,
         options: &ProtocolOptions,
@@ -80,7 +85,7 @@ impl Stage for Validate {
             sources.push(found);
             warnings.extend(told);
         }
-        let cross = if calibration.sources.len() > 1 {
+        let cross = if calibration.data_sets().len() > 1 {
             (work.tell)("validate across data sets");
             work.part("cross-prediction", || Ok(cross(calibration, &model, options, &mut warnings)))?
         } else {
@@ -161,9 +166,9 @@ fn cross(
     let mut out = Vec::new();
     for (name, outcome) in &calibration.sources {
         let Some(samples) = samples(outcome, &model.spec) else { continue };
-        let others = calibration.sources.iter().filter(|(other, _)| *other != name);
-        for (data, other) in others {
-            let ranges = ranges(&other.trials, &calibration.options.targets);
+        let others = calibration.data_sets().into_iter().filter(|(other, _)| other != name);
+        for (data, trials) in others {
+            let ranges = ranges(&trials, &calibration.options.targets);
             let changes: Vec<Change> = ranges.iter().map(|r| r.change.clone()).collect();
             let predict = |of: &[Change]| samples.changes(&model.meshes, of, options.samples);
             let mut lost = Vec::new();
@@ -280,7 +285,7 @@ pub(crate) fn on_paper(v: &Values) -> String {
 
 /// Figures 5 and 6: the targets, and what misses them.
 fn figures_of_targets(c: &Calibration) -> Vec<(String, Vec<u8>)> {
-    let targets: Vec<_> = c.sources.iter().map(|(n, o)| (n.clone(), o.trials.clone())).collect();
+    let targets = c.data_sets();
     let mut files = vec![("figure5.svg".to_owned(), figures::figure5(&targets).into_bytes())];
     for (name, o) in c.main_first() {
         if let Ok(cost) = CostFunction::new(&o.trials, &o.spec.frames.gs_ct_pose, &c.options.cost) {

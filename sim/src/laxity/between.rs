@@ -62,9 +62,10 @@ pub fn repeated<'a>(sets: &[Named<'a>]) -> Option<[&'a str; 2]> {
 }
 
 /// What two data sets of one knee contradict each other in: a side that is turned, a zero that is shifted. Displacements have no zero, and are
-/// left out.
+/// left out. A knee that was cut is no measure of the whole one.
 pub fn between(sets: &[Named]) -> Vec<SignDoubt> {
     let pairs = sets.iter().enumerate().flat_map(|(k, a)| sets[k + 1..].iter().map(move |b| (*a, *b)));
+    let pairs = pairs.filter(|(a, b)| state(a) == state(b));
     let of_pair = |(a, b): (Named, Named)| {
         let drawer = looser_drawer(a, b);
         // a column in another unit lies off as well
@@ -73,6 +74,11 @@ pub fn between(sets: &[Named]) -> Vec<SignDoubt> {
         side(a, b).into_iter().chain(offsets).chain(drawer).chain(looser(a, b)).collect::<Vec<_>>()
     };
     pairs.flat_map(of_pair).collect()
+}
+
+/// What was cut in a data set.
+fn state<'a>(set: &Named<'a>) -> &'a [String] {
+    set.1.first().map_or(&[], |t| &t.without)
 }
 
 /// A coordinate's means in both sets, where both have them.

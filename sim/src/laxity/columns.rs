@@ -52,6 +52,10 @@ impl LaxityError {
 
 /// Tension of the quadriceps [N], optional.
 pub(super) const QUADRICEPS_COLUMN: &str = "load_quadriceps_n";
+/// Ligaments and bundles that were cut, joined by [`AND`]; optional.
+pub(super) const WITHOUT_COLUMN: &str = "without";
+/// Between two names of the column [`WITHOUT_COLUMN`].
+pub(super) const AND: char = '+';
 
 /// Whether a column is what a model answered: the model's name, forces of bundles and groups, contact, what bodies tell of themselves, and bands of all these and of
 /// poses. It is passed over.
@@ -78,7 +82,7 @@ pub(super) fn is_comment(name: &str) -> bool {
 pub(super) fn known_columns() -> BTreeSet<String> {
     let mut known: BTreeSet<String> = required_columns().into_iter().collect();
     known.extend(["branch", "order", "time_s", "flags", "reference"].map(String::from));
-    known.insert(QUADRICEPS_COLUMN.to_owned());
+    known.extend([QUADRICEPS_COLUMN, WITHOUT_COLUMN].map(String::from));
     known.extend(FREE.map(sd_column));
     known
 }

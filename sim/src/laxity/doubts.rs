@@ -66,7 +66,7 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let unlike = super::order::unlike(trials);
     // readings whose cause is known need no other word
     let mut known = super::numbers::codes(trials);
-    if unlike.is_none() {
+    if unlike.is_none() && is_whole(trials) {
         known.extend(super::outliers::of_one_test(trials));
         let alone = super::one_reading::doubts(trials).into_iter();
         let unknown: Vec<SignDoubt> = alone.filter(|d| known.iter().all(|k| k.column != d.column)).collect();
@@ -76,6 +76,11 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let column = |d: &SignDoubt| known.iter().map(|k| &k.column).chain(&coarse).all(|known| *known != d.column);
     let more: Vec<SignDoubt> = more(trials, &known).into_iter().filter(column).collect();
     unlike.into_iter().chain(known).chain(rounded).chain(more).collect()
+}
+
+/// Whether nothing was cut. A cut knee gives way: one trial may lie far from the next, and farther than any whole knee goes.
+fn is_whole(trials: &[LaxityTrial]) -> bool {
+    trials.iter().all(|t| t.without.is_empty())
 }
 
 /// What is told of a column that no other cause explains.
@@ -88,18 +93,20 @@ fn more(trials: &[LaxityTrial], known: &[SignDoubt]) -> Vec<SignDoubt> {
     found.extend(super::order::loaded_neutral(trials).filter(|_| tares.is_empty()));
     found.extend(super::numbers::doubts(trials));
     found.extend(super::stated::doubts(trials));
-    found.extend(super::outliers::doubts(trials));
     found.extend(no_compression(trials));
     found.extend(tares);
     found.extend(LEAST_LOAD.iter().filter_map(|limit| small_load(trials, *limit)));
     found.extend([VV, IE, AP].into_iter().filter_map(|c| unlike_loads(trials, c)));
     found.extend(LEAST_MOTION.iter().filter_map(|limit| small_motion(trials, *limit)));
     found.extend(MOST_LOAD.iter().filter_map(|limit| large_load(trials, *limit)));
-    found.extend([VV, IE, AP].into_iter().filter_map(|c| large_motion(trials, c)));
     found.extend(far_origin(trials));
     found.extend(USUAL_MEAN.iter().filter_map(|usual| far_mean(trials, *usual)));
     found.extend(still(trials));
-    found.extend(super::between::side_of_a_flexion(trials));
+    if is_whole(trials) {
+        found.extend(super::outliers::doubts(trials));
+        found.extend([VV, IE, AP].into_iter().filter_map(|c| large_motion(trials, c)));
+        found.extend(super::between::side_of_a_flexion(trials));
+    }
     found.extend(super::lag::names(trials));
     found.extend(super::exchanged::likely(trials, known));
     found

@@ -47,6 +47,8 @@ pub struct LaxityFormat {
     pub nominal_flexions_deg: Vec<f64>,
     /// Poses of tracked bodies in place of coordinates, and what turns them into these.
     pub tracked: Option<Tracked>,
+    /// Ligaments and bundles that were cut before all trials of the file, where its column `without` does not say so: a list, as ["ACL"].
+    pub without: Vec<String>,
     /// What the readings are; with `difference` each loaded trial counts from the unloaded one of its flexion.
     pub readings: Readings,
 }

@@ -1,6 +1,6 @@
 //! Names of columns that are a standard one by another name or in another unit: told with the line that declares them.
 
-use super::columns::known_columns;
+use super::columns::{WITHOUT_COLUMN, known_columns};
 use super::units::unit;
 use csv::StringRecord;
 
@@ -49,8 +49,16 @@ fn line(name: &str) -> Option<String> {
     })
 }
 
+/// Words by which laboratories call what was cut of a knee before a trial.
+const CUT: [&str; 7] = ["cut", "state", "condition", "section", "deficien", "resect", "transect"];
+
 /// What is said of a column that is no standard one, where its name tells what it is; with the lines for all of the file's that do.
 pub(super) fn declared<'a>(name: &str, all: impl Iterator<Item = &'a str>) -> Option<String> {
+    if CUT.iter().any(|word| name.to_lowercase().contains(word)) {
+        return Some(format!(
+            "if it says which ligaments were cut, call it {WITHOUT_COLUMN}: ACL, or ACL+ALS; empty for the whole knee. A file is of one state"
+        ));
+    }
     let (column, unit, factor) = meant(name)?;
     let standard = known_columns();
     let lines: Vec<String> = all.filter(|other| !standard.contains(*other)).filter_map(line).collect();

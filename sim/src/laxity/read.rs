@@ -1,7 +1,8 @@
 //! The reader: every complaint names the row and the column.
 
 use super::columns::{
-    LaxityError, QUADRICEPS_COLUMN, is_comment, is_output, known_columns, required_columns, sd_column,
+    AND, LaxityError, QUADRICEPS_COLUMN, WITHOUT_COLUMN, is_comment, is_output, known_columns, required_columns,
+    sd_column,
 };
 use super::differences;
 use super::format::{LaxityFormat, standard};
@@ -84,7 +85,8 @@ fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Res
         let is_asked = poses == Poses::MayBeAbsent;
         let (number, is_first) = (*number, k == 0);
         let row = Row { number, is_first, is_asked, columns: &columns, record, called: &standard.called };
-        let trial = trial(&row, &mut table.warnings)?;
+        let mut trial = trial(&row, &mut table.warnings)?;
+        trial.without = without(&row, &format.without)?;
         let in_words = columns.keys().filter(|name| name.as_str() == "flags" || is_comment(name));
         table.warnings.extend(in_words.filter_map(|name| beside::excluded(number, name, row.text(name))));
         if !names.insert(trial.trial.clone()) {
@@ -96,6 +98,7 @@ fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Res
     if table.trials.is_empty() {
         return Err(LaxityError::File("no trial below the header; expected one row per measured trial".into()));
     }
+    of_one_state(&table.trials)?;
     if format.branch_from_load {
         branches::branches(&mut table.trials);
     }
@@ -317,6 +320,7 @@ fn trial(row: &Row, warnings: &mut Vec<Notice>) -> Result<LaxityTrial, LaxityErr
         order,
         time_s: row.number("time_s")?,
         quadriceps_n: quadriceps(row)?,
+        without: vec![],
         reference: None,
     })
 }
@@ -329,6 +333,42 @@ fn quadriceps(row: &Row) -> Result<f64, LaxityError> {
         }
         tension => Ok(tension.unwrap_or(0.0)),
     }
+}
+
+/// What stands for a knee of which nothing was cut.
+const WHOLE: [&str; 4] = ["intact", "none", "whole", "no"];
+
+/// Ligaments and bundles that were cut, in order, each once: "ACL+ALS" is both. An empty cell is as specimen.toml has `declared`.
+fn without(row: &Row, declared: &[String]) -> Result<Vec<String>, LaxityError> {
+    let text = row.text(WITHOUT_COLUMN);
+    if text.contains(|c| ",;/&|".contains(c)) || text.split_whitespace().any(|word| word == "and") {
+        return row.refuse(WITHOUT_COLUMN, &format!("\"{text}\": names are joined by {AND}, as ACL{AND}ALS"));
+    }
+    let in_order = |names: &mut dyn Iterator<Item = &str>| -> Vec<String> {
+        let is_cut = |name: &&str| !name.is_empty() && WHOLE.iter().all(|whole| !name.eq_ignore_ascii_case(whole));
+        let names: BTreeSet<&str> = names.map(str::trim).filter(is_cut).collect();
+        names.into_iter().map(String::from).collect()
+    };
+    let declared = in_order(&mut declared.iter().flat_map(|d| d.split(AND)));
+    let own = in_order(&mut text.split(AND));
+    if !text.is_empty() && !declared.is_empty() && own != declared {
+        let said = declared.join(&AND.to_string());
+        return row.refuse(WITHOUT_COLUMN, &format!("\"{text}\", but specimen.toml declares without = {said}"));
+    }
+    Ok(if text.is_empty() { declared } else { own })
+}
+
+/// A file is of one state of the knee: frames, noise and conditions are those of a data set.
+fn of_one_state(trials: &[LaxityTrial]) -> Result<(), LaxityError> {
+    let Some(other) = trials.iter().find(|t| t.without != trials[0].without) else { return Ok(()) };
+    let told = |t: &LaxityTrial| if t.without.is_empty() { "empty".into() } else { t.without.join(&AND.to_string()) };
+    let what = format!(
+        "{} where row {} has {}: a file is of one state of the knee; write a file of each, with a name of its own",
+        told(other),
+        trials[0].row.unwrap_or(0),
+        told(&trials[0])
+    );
+    Err(LaxityError::trial(other, Some(WITHOUT_COLUMN), what))
 }
 
 fn test(row: &Row) -> Result<Test, LaxityError> {

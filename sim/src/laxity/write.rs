@@ -1,6 +1,6 @@
 //! What a model answers, as CSV.
 
-use super::columns::{QUADRICEPS_COLUMN, required_columns, sd_column};
+use super::columns::{AND, QUADRICEPS_COLUMN, WITHOUT_COLUMN, required_columns, sd_column};
 use super::{Branch, LaxityTrial};
 use crate::coordinate::{Coordinate, FREE, Free};
 use crate::flags::{Flag, sentences};
@@ -84,6 +84,8 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
     header.extend(displaced.then(|| "reference".to_owned()));
     let pulled = results.iter().any(|r| r.trial.quadriceps_n != 0.0);
     header.extend(pulled.then(|| QUADRICEPS_COLUMN.to_owned()));
+    let cut = results.iter().any(|r| !r.trial.without.is_empty());
+    header.extend(cut.then(|| WITHOUT_COLUMN.to_owned()));
     header.extend(bundles.iter().map(|b| force_column(b)));
     let outputs = output_columns(results);
     header.extend(outputs.iter().cloned());
@@ -104,6 +106,7 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         cells.push(t.time_s.map(number).unwrap_or_default());
         cells.extend(displaced.then(|| from.map(|r| r.trial.trial.clone()).unwrap_or_default()));
         cells.extend(pulled.then(|| number(t.quadriceps_n)));
+        cells.extend(cut.then(|| t.without.join(&AND.to_string())));
         cells.extend(r.forces_n.iter().map(|v| number(*v)));
         cells.extend(output_cells(r, &outputs));
         cells.extend(band_cells(r, from, &banded));
@@ -122,6 +125,8 @@ pub fn trials_csv(trials: &[LaxityTrial]) -> String {
     header.extend(displaced.then(|| "reference".to_owned()));
     let pulled = trials.iter().any(|t| t.quadriceps_n != 0.0);
     header.extend(pulled.then(|| QUADRICEPS_COLUMN.to_owned()));
+    let cut = trials.iter().any(|t| !t.without.is_empty());
+    header.extend(cut.then(|| WITHOUT_COLUMN.to_owned()));
     let mut out = line(&header);
     let cell = |v: &Option<f64>| v.map(number).unwrap_or_default();
     for t in trials {
@@ -134,6 +139,7 @@ pub fn trials_csv(trials: &[LaxityTrial]) -> String {
         cells.push(cell(&t.time_s));
         cells.extend(displaced.then(|| t.reference.as_ref().map(|r| r.trial.clone()).unwrap_or_default()));
         cells.extend(pulled.then(|| number(t.quadriceps_n)));
+        cells.extend(cut.then(|| t.without.join(&AND.to_string())));
         out += &line(&cells);
     }
     out

@@ -14,6 +14,7 @@ mod patella;
 mod protocols;
 mod quasistatic;
 mod rig;
+mod states;
 mod wrap;
 
 use sim::explicit::{ExplicitOptions, Increments};

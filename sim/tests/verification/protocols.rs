@@ -3,9 +3,11 @@ use crate::verification::rig::Rig;
 use sim::coordinate::{FREE, Load};
 use sim::error::SimError;
 use sim::flags::Flag;
-use sim::laxity::TrialResult;
+use sim::jumps::flag_jumps;
+use sim::laxity::{LaxityTrial, Test, TrialResult};
 use sim::model::Model;
 use sim::protocols::{Protocol, ProtocolOptions, run};
+use sim::spec::PoseSpec;
 use sim::trials::{TrialOptions, solve};
 
 /// Compression [N].
@@ -57,4 +59,31 @@ fn a_protocol_without_any_equilibrium_and_one_that_cannot_be_asked_are_errors() 
     assert!(matches!(&none, SimError::Solver(m) if m.contains("0 deg load +50.0 N")), "{none}");
     assert!(matches!(refused(&ProtocolOptions { ap_load_n: -1.0, ..drawn(2) }), SimError::Input(_)));
     assert!(matches!(refused(&ProtocolOptions { ap_flexions_deg: vec![0.0, 200.0], ..drawn(2) }), SimError::Input(_)));
+}
+
+/// Rows a degree apart: an even motion is no jump, one of 3.5 mm is, and both of its rows say so. Other loads, states and far flexions are other rows.
+#[test]
+fn a_knee_that_jumps_between_flexions_under_one_load_is_flagged_at_both() {
+    let row = |fe_deg: f64, ap_mm: f64, si_n: f64| {
+        let trial = LaxityTrial::asked(format!("{fe_deg}"), Test::Neutral, fe_deg, Load::compression(si_n));
+        let pose = PoseSpec { fe_deg, ap_mm, ..PoseSpec::default() };
+        TrialResult { trial, pose, forces_n: vec![], outputs: vec![], flags: vec![], bands: vec![] }
+    };
+    let flagged = |mut rows: Vec<TrialResult>| {
+        flag_jumps(&mut rows);
+        rows.iter().map(|r| r.flags == [Flag::Jumps]).collect::<Vec<_>>()
+    };
+    let even: Vec<TrialResult> = (0..5).map(|k| row(f64::from(k), f64::from(k), 20.0)).collect();
+    assert_eq!(flagged(even.clone()), [false; 5]);
+    let mut jumping = even;
+    jumping[3..].iter_mut().for_each(|r| r.pose.ap_mm += 2.5);
+    // whatever the order of the rows
+    jumping.swap(0, 3);
+    assert_eq!(flagged(jumping.clone()), [true, false, true, false, false]);
+    let mut cut = jumping;
+    cut[2].trial.without = vec!["ACL".into()];
+    assert_eq!(flagged(cut), [false; 5]);
+    assert_eq!(flagged(vec![row(10.0, 0.0, 20.0), row(11.0, 9.0, 50.0), row(13.5, 9.0, 20.0)]), [false; 3]);
+    // a row without an answer lies between no others
+    assert_eq!(flagged(vec![row(1.0, 0.0, 20.0), row(2.0, f64::NAN, 20.0), row(3.0, 7.0, 20.0)]), [true, false, true]);
 }

@@ -10,7 +10,8 @@ pub(super) const FITS: f64 = 2.0;
 /// Whether each data set is a knee's, and all are one knee's; nothing where the data sets say nothing of it, or one knee does for all.
 /// `two_knees`: log odds for a knee each.
 pub(super) fn agreement(sets: &[DataSetAlone], two_knees: Option<f64>) -> String {
-    let (fitted, odd): (Vec<&DataSetAlone>, Vec<&DataSetAlone>) = sets.iter().partition(|s| s.alone + s.cost <= FITS);
+    let (fitted, misfitting): (Vec<&DataSetAlone>, Vec<&DataSetAlone>) =
+        sets.iter().partition(|s| s.alone + s.cost <= FITS);
     let list = |of: &[&DataSetAlone]| {
         let each: Vec<String> = of.iter().map(|s| format!("{} {}", s.source, figures(s.alone))).collect();
         each.join(", ")
@@ -19,7 +20,7 @@ pub(super) fn agreement(sets: &[DataSetAlone], two_knees: Option<f64>) -> String
         let each: Vec<String> = sets.iter().map(|s| format!("{} {}", s.source, figures(s.together))).collect();
         each.join(", ")
     };
-    match (fitted.is_empty(), odd.is_empty()) {
+    match (fitted.is_empty(), misfitting.is_empty()) {
         (true, true) => String::new(),
         (false, true) => apart(sets, two_knees).map_or(String::new(), |apart| {
             format!(
@@ -31,10 +32,10 @@ pub(super) fn agreement(sets: &[DataSetAlone], two_knees: Option<f64>) -> String
         }),
         _ => format!(
             "No knee of the model gives all readings of {}, even alone (left over, in units of what noise leaves: {}; with all data sets: {}).{}",
-            odd.iter().map(|s| s.source.as_str()).collect::<Vec<_>>().join(" or of "),
-            list(&odd),
+            misfitting.iter().map(|s| s.source.as_str()).collect::<Vec<_>>().join(" or of "),
+            list(&misfitting),
             together(),
-            odd.iter().map(|s| scatter_asked(s)).collect::<String>()
+            misfitting.iter().map(|s| scatter_asked(s)).collect::<String>()
         ),
     }
 }
@@ -73,12 +74,15 @@ mod tests {
         };
         let told = agreement(&[set("kla", 1.1, 1.5), set("rks", 1.3, 6.0)], None);
         assert!(told.contains("Each alone is a knee") && told.contains("too much of rks (kla 1.50"), "{told}");
-        let odd = agreement(&[set("kla", 1.1, 4.0), set("rks", 5.0, 6.0)], None);
-        assert!(odd.contains("all readings of rks, even alone") && !odd.contains("of kla,"), "{odd}");
+        let misfitting = agreement(&[set("kla", 1.1, 4.0), set("rks", 5.0, 6.0)], None);
+        assert!(
+            misfitting.contains("all readings of rks, even alone") && !misfitting.contains("of kla,"),
+            "{misfitting}"
+        );
         // what is left is a square: at twice the bar a knee fits data that scatter by a root of two more
         let asked = scatter_asked(&DataSetAlone { cost: 0.0, ..set("rks", 2.0 * FITS, 6.0) });
         assert!(asked.contains("scattered 1.41 times"), "{asked}");
-        assert!(odd.contains("fit rks if") && !odd.contains("fit kla if"), "{odd}");
+        assert!(misfitting.contains("fit rks if") && !misfitting.contains("fit kla if"), "{misfitting}");
         assert_eq!(agreement(&[], None), "");
     }
 

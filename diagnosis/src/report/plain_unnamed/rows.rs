@@ -15,13 +15,13 @@ pub(super) fn to_repeat(of: &[Contradiction]) -> String {
     let Some(first) = of.first() else { return String::new() };
     let place = |w: &Witness| if w.row.is_some() { format!("{} ({})", row(w), w.trial) } else { row(w) };
     let [one, other] = first.readings.each_ref().map(place);
-    match first.odd_one().zip(first.contradicts) {
-        Some((odd, counts)) => format!(
+    match first.outlier().zip(first.contradicts) {
+        Some((outlier, counts)) => format!(
             "\nTo do first: repeat {}. It contradicts {} readings near it, {} contradicts {}.",
-            place(&first.readings[odd]),
-            counts[odd],
-            row(&first.readings[1 - odd]),
-            counts[1 - odd]
+            place(&first.readings[outlier]),
+            counts[outlier],
+            row(&first.readings[1 - outlier]),
+            counts[1 - outlier]
         ),
         None if first.readings[0].source == first.readings[1].source => {
             format!("\nTo do first: repeat both {one} and {other}. These data do not tell which of them is off.")
@@ -141,9 +141,12 @@ mod tests {
         let one_set = contradiction([witness("rks", Some(3), 178.0, 4.8), witness("rks", Some(4), 178.0, 14.4)]);
         assert!(!to_repeat(&[one_set]).contains("apparatuses"));
         // that which contradicts most others is to be repeated, whichever of the two it is
-        for (contradicts, odd) in [([1, 5], "repeat row 12 of rks"), ([5, 1], "repeat row 2 of kla")] {
+        for (contradicts, outlier) in [([1, 5], "repeat row 12 of rks"), ([5, 1], "repeat row 2 of kla")] {
             let told = to_repeat(&[Contradiction { contradicts: Some(contradicts), ..all[0].clone() }]);
-            assert!(told.contains(odd) && told.contains("contradicts 5 readings") && !told.contains("both"), "{told}");
+            assert!(
+                told.contains(outlier) && told.contains("contradicts 5 readings") && !told.contains("both"),
+                "{told}"
+            );
         }
         assert_eq!(to_repeat(&[]), "");
     }

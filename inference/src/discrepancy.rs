@@ -21,7 +21,7 @@ pub struct ModelDiscrepancy {
 const WAVES: usize = 96;
 
 /// A draw of those loads, in whatever trial: random waves, whose spectrum is that of the covariance [rahimi2007].
-pub struct Lacking {
+pub struct DrawnDiscrepancy {
     sd: Load,
     waves: Vec<Wave>,
 }
@@ -42,9 +42,9 @@ impl ModelDiscrepancy {
     }
 
     /// One draw of many, by its number.
-    pub fn drawn(&self, seed: u64, number: usize) -> Lacking {
+    pub fn drawn(&self, seed: u64, number: usize) -> DrawnDiscrepancy {
         let mut random = stream(seed, number as u64);
-        Lacking { sd: self.sd, waves: (0..WAVES).map(|_| self.wave(&mut random)).collect() }
+        DrawnDiscrepancy { sd: self.sd, waves: (0..WAVES).map(|_| self.wave(&mut random)).collect() }
     }
 
     fn wave(&self, random: &mut ChaCha8Rng) -> Wave {
@@ -56,7 +56,7 @@ impl ModelDiscrepancy {
     }
 }
 
-impl Lacking {
+impl DrawnDiscrepancy {
     /// The loads that the knee bears in a trial beside those applied [N m, N]. Each is normal, of its own standard deviation.
     pub fn in_trial(&self, trial: &LaxityTrial) -> Load {
         let mut sum = Load::default();
