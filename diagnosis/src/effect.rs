@@ -40,7 +40,7 @@ mod turned_frame;
 mod viscoelastic;
 pub(crate) mod ways;
 
-pub(crate) use fibres::{belongs, fibre_pull};
+pub(crate) use fibres::fibre_pull;
 pub(crate) use lines::pull;
 pub(crate) use turned_frame::turned;
 

@@ -30,6 +30,7 @@ use sim::Model;
 use sim::coordinate::{Coordinate, FE, FREE, Free, Six};
 use sim::equilibrium::{Equilibrium, Start};
 use sim::model::BundleParameters;
+use sim::names::is_of;
 use sim::spec::ModelSpec;
 use std::borrow::Cow;
 
@@ -342,8 +343,7 @@ impl Problem {
     /// Whether a structure was cut before all that the question is about, as the files say: nothing can be missing of it.
     pub fn was_cut(&self, structure: &str) -> bool {
         let bundles = self.model.bundle_names();
-        let own = |b: &&String| *b == structure || b.strip_prefix(structure).is_some_and(|r| r.starts_with('_'));
-        let own: Vec<usize> = bundles.iter().enumerate().filter(|(_, b)| own(b)).map(|(k, _)| k).collect();
+        let own: Vec<usize> = (0..bundles.len()).filter(|&b| is_of(&bundles[b], structure)).collect();
         let is_cut = |source: usize| own.iter().all(|&b| self.models.of(Some(source)).is_removed(b));
         !own.is_empty() && self.asked().into_iter().all(is_cut)
     }

@@ -7,6 +7,7 @@ use crate::contact::rim::Bearing;
 use crate::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 pub use crate::flag::{Cause, Difference, Flag, each_once, sentences};
 use crate::model::{Evaluation, Model};
+use crate::names::is_of;
 
 /// Internal and external rotation to which living knees are turned by hand [deg], at 5 deg of flexion (those without ACL, the looser) and from 30 deg
 /// on; means of 17 and 19 persons [zarins1983].
@@ -131,8 +132,7 @@ fn is_turned_too_far(model: &Model, gs: &Six) -> bool {
 fn torn(model: &Model, evaluation: &Evaluation) -> Vec<Flag> {
     let forces = model.bundle_forces(&evaluation.fibres);
     let bears = |ligament: &str| -> f64 {
-        let own = |name: &str| name == ligament || name.strip_prefix(ligament).is_some_and(|r| r.starts_with('_'));
-        model.bundles.iter().zip(&forces).filter(|(b, _)| own(&b.name)).map(|(_, f)| *f).sum()
+        model.bundles.iter().zip(&forces).filter(|(b, _)| is_of(&b.name, ligament)).map(|(_, f)| *f).sum()
     };
     FAILURE_N
         .iter()

@@ -14,6 +14,7 @@ use crate::joint::{Joint, Pose};
 use crate::laxity::LaxityTrial;
 use crate::ligament::{self, Bundle, Fibre, Line, Response};
 use crate::mesh::MeshValue;
+use crate::names::is_of;
 use crate::patella::{self, Patella, PatellaState};
 use crate::spec::{BundleSpec, ModelSpec};
 use crate::wrap;
@@ -139,12 +140,11 @@ impl Model {
     pub fn without(&self, names: &[String]) -> Result<Model, SimError> {
         let mut model = self.clone();
         for name in names {
-            let fits = |b: &Bundle| b.name == *name || b.name.strip_prefix(name).is_some_and(|r| r.starts_with('_'));
             let bodies = model.bodies.len();
             model.bodies.retain(|b| b.name() != name);
             let mut found = model.bodies.len() < bodies;
             for (bundle, removed) in self.bundles.iter().zip(&mut model.removed) {
-                if fits(bundle) {
+                if is_of(&bundle.name, name) {
                     (*removed, found) = (true, true);
                 }
             }

@@ -9,6 +9,16 @@ const SHORTEST_PART: usize = 3;
 /// Most names that are equally near and still all named.
 const MOST_EQUALS: usize = 3;
 
+/// Whether a bundle is a ligament's: `ACL_AM` and `ACL` are of `ACL`, and `ACLX` is not.
+///
+/// ```
+/// assert!(sim::names::is_of("ACL_AM", "ACL") && sim::names::is_of("ACL", "ACL"));
+/// assert!(!sim::names::is_of("ACLX", "ACL") && !sim::names::is_of("ACL", "ACL_AM"));
+/// ```
+pub fn is_of(bundle: &str, ligament: &str) -> bool {
+    bundle.strip_prefix(ligament).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+}
+
 /// The known name nearest to `name`, if one is near; of equals the first of the list.
 pub fn nearest<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIterator<Item = &'a S>) -> Option<&'a str> {
     equally_near(name, known).first().copied()

@@ -17,6 +17,7 @@ use meshes::surface::TriMesh;
 use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::mesh::MeshValue;
+use sim::names::is_of;
 use sim::spec::{
     BodySpec, BundleSpec, ContactSpec, FibreSpec, FramesSpec, Law, LayerLaw, LayerSpec, ModelSpec, PairSpec, PoseSpec,
     Units, WrapSpec,
@@ -283,7 +284,7 @@ fn wrap_spec(bundles: &[BundleSpec], options: &AssembleOptions) -> Option<WrapSp
 
 /// Whether a bundle is meant by its name, its ligament's or "all".
 fn is_named(bundle: &str, name: &str) -> bool {
-    name == ALL || bundle == name || bundle.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'))
+    name == ALL || is_of(bundle, name)
 }
 
 /// The name of all bundles in `wrap`.

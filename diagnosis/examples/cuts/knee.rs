@@ -15,6 +15,7 @@ use sim::flags::Flag;
 use sim::laxity::LaxityTrial;
 use sim::mesh::MeshValue;
 use sim::model::{Model, compile};
+use sim::names::is_of;
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
@@ -110,7 +111,7 @@ fn measured(
     seed: u64,
 ) -> Vec<Source> {
     let mut spec = spec.clone();
-    for b in spec.bundles.iter_mut().filter(|b| b.name == ligament || b.name.starts_with(&format!("{ligament}_"))) {
+    for b in spec.bundles.iter_mut().filter(|b| is_of(&b.name, ligament)) {
         b.stiffness_n_per_mm *= (1.0 - loss).max(1e-6);
     }
     let model = compile(&spec, meshes).unwrap();

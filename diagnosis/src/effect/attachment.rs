@@ -1,9 +1,10 @@
 //! `attachment`: a ligament is attached elsewhere than in the model.
 
-use super::fibres::{belongs, fibre_pull, moved_fibre};
+use super::fibres::{fibre_pull, moved_fibre};
 use super::{Force, Situation};
 use serde::Deserialize;
 use sim::coordinate::Six;
+use sim::names::is_of;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -20,7 +21,7 @@ impl Force for Attachment {
         let femoral = femur.anterior * self.femur_ap_mm + femur.superior * self.femur_si_mm;
         let tibial = tibia.anterior * self.tibia_ap_mm;
         let of_structure =
-            here.model.fibres.iter().filter(|f| belongs(&here.model.bundles[f.bundle].name, &self.variant));
+            here.model.fibres.iter().filter(|f| is_of(&here.model.bundles[f.bundle].name, &self.variant));
         let mut out = Six::zeros();
         for fibre in of_structure {
             out += fibre_pull(here, &moved_fibre(fibre, &femoral, &tibial)) - fibre_pull(here, fibre);

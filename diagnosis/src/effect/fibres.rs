@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use sim::coordinate::{IE, Six};
 use sim::ligament::Fibre;
+use sim::names::is_of;
 
 /// Where a tissue is at rest.
 #[derive(Debug, PartialEq, Deserialize)]
@@ -27,11 +28,6 @@ impl About {
     }
 }
 
-/// Whether a bundle belongs to a structure.
-pub(crate) fn belongs(bundle: &str, structure: &str) -> bool {
-    bundle.strip_prefix(structure).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
-}
-
 /// The fibre with its ends moved in the CT pose; its strain there stays.
 pub(super) fn moved_fibre(fibre: &Fibre, femoral: &Vector3<f64>, tibial: &Vector3<f64>) -> Fibre {
     let (femur, tibia) = (fibre.femur + femoral, fibre.tibia + tibial);
@@ -49,7 +45,7 @@ pub(crate) fn fibre_pull(here: &Situation, fibre: &Fibre) -> Six {
 /// Force of fibres that are longer than straight by `longer(fibre, q)`: minus the slope of the energy that this adds.
 pub(super) fn wrapped(here: &Situation, structure: &str, longer: &dyn Fn(&Fibre, &Situation) -> f64) -> Six {
     let energy = |at: &Situation| -> f64 {
-        let fibres = at.model.fibres.iter().filter(|f| belongs(&at.model.bundles[f.bundle].name, structure));
+        let fibres = at.model.fibres.iter().filter(|f| is_of(&at.model.bundles[f.bundle].name, structure));
         fibres
             .map(|f| {
                 let bundle = &at.model.bundles[f.bundle];

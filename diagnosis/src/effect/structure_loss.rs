@@ -1,9 +1,9 @@
 //! `structure_loss`: a ligament carries less than the model says.
 
-use super::fibres::belongs;
 use super::{Force, Situation};
 use serde::Deserialize;
 use sim::coordinate::Six;
+use sim::names::is_of;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,6 +31,6 @@ impl Force for StructureLoss {
     }
 
     fn lost(&self, bundle: &str) -> f64 {
-        if belongs(bundle, &self.variant) { self.loss.min(1.0) } else { 0.0 }
+        if is_of(bundle, &self.variant) { self.loss.min(1.0) } else { 0.0 }
     }
 }

@@ -5,7 +5,6 @@
 //!
 //! An unknown is the standard normal number of a parameter's prior, counted from where the model stands.
 
-use crate::effect::belongs;
 use crate::error::DiagnosisError;
 use calibration::design::{Design, Kind, Variable};
 use calibration::options::CalibrateOptions;
@@ -13,6 +12,7 @@ use inference::frames::{FrameSteps, Terms, corrected, frame_steps};
 use inference::knee::{Models, Quantity, models_at};
 use inference::parameter::{Parameter, Prior};
 use sim::Model;
+use sim::names::is_of;
 use sim::spec::{FramesSpec, ModelSpec};
 use sim::uncertainty::FrameUncertainty;
 use std::collections::BTreeMap;
@@ -133,7 +133,7 @@ impl Nuisances {
 
     /// Which of them are of a structure's own bundles: their strain, stiffness and sites.
     pub(crate) fn of_structure(&self, structure: &str) -> Vec<usize> {
-        let is_its = |b: &usize| self.spec.bundles.get(*b).is_some_and(|b| belongs(&b.name, structure));
+        let is_its = |b: &usize| self.spec.bundles.get(*b).is_some_and(|b| is_of(&b.name, structure));
         let of = |p: &Parameter<Quantity>| match &p.quantity {
             Quantity::ReferenceStrain(bundles) | Quantity::Stiffness(bundles) => bundles.iter().any(is_its),
             Quantity::Site(bundle, ..) => is_its(bundle),

@@ -14,6 +14,7 @@ use crate::report::verdict::temper;
 use crate::search::{Search, Searcher, TRIES};
 use inference::knee::Quantity;
 use rayon::prelude::*;
+use sim::names::is_of;
 
 /// Structures that injuries take most, in the order in which they are told: what a surgeon asks about. Of these it is found what a tear would earn.
 const INJURED: [&str; 4] = ["ACL", "PCL", "sMCL", "LCL"];
@@ -203,7 +204,7 @@ fn most(problem: &Problem, fit: &Fit, structure: &str) -> Result<f64, DiagnosisE
     let in_trial = |(trial, rest): (&inference::trial::Trial, &sim::equilibrium::Equilibrium)| {
         let model = models.of(trial.source);
         let forces = model.bundle_forces(&model.fibre_states(&model.joint.pose(&rest.q)));
-        let own = names.iter().zip(&forces).filter(|(name, _)| crate::effect::belongs(name, structure));
+        let own = names.iter().zip(&forces).filter(|(name, _)| is_of(name, structure));
         own.map(|(_, f)| f).sum::<f64>()
     };
     Ok(problem.trials.iter().zip(&fit.linear.rests).map(in_trial).fold(0.0, f64::max))

@@ -14,6 +14,7 @@ use diagnosis::problem::trial::Source;
 use diagnosis::report::words::listed;
 use sim::coordinate::Free;
 use sim::laxity::{LaxityTrial, TrialResult, results_csv};
+use sim::names::is_of;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -75,10 +76,7 @@ fn asked_well(args: &MakeArgs) -> Result<(), BuildError> {
 
 /// That ligaments are to be cut which the knee does not have, and which it has; none where it has all.
 fn lacking(kinds: &[String], bundles: &[BundleInput]) -> Option<String> {
-    let is_of = |bundle: &BundleInput, structure: &str| {
-        bundle.name.strip_prefix(structure).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
-    };
-    let (has, lacks): (Vec<&str>, Vec<&str>) = CUT.into_iter().partition(|s| bundles.iter().any(|b| is_of(b, s)));
+    let (has, lacks): (Vec<&str>, Vec<&str>) = CUT.into_iter().partition(|s| bundles.iter().any(|b| is_of(&b.name, s)));
     let is_asked = |s: &&str| kinds.iter().any(|kind| kind.strip_prefix("cut_") == Some(*s));
     let asked: Vec<&str> = lacks.into_iter().filter(is_asked).collect();
     if asked.is_empty() {

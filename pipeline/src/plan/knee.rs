@@ -9,6 +9,7 @@ use sim::graft::{Drawn, FIXED_AT_DEG, Graft, TENSION_N, bundle_name};
 use sim::laxity::{LaxityTrial, Test, force_column};
 use sim::ligament::mean_length;
 use sim::mesh::MeshValue;
+use sim::names::is_of;
 use sim::spec::{BundleSpec, ModelSpec};
 use std::collections::BTreeMap;
 
@@ -116,8 +117,7 @@ pub(super) fn main_coordinate(kind: &str) -> sim::coordinate::Coordinate {
 
 /// The bundles of a model that a name of a ligament or bundle means.
 fn meant<'a>(spec: &'a ModelSpec, name: &str) -> Result<Vec<&'a BundleSpec>, String> {
-    let own = |b: &&BundleSpec| b.name == name || b.name.strip_prefix(name).is_some_and(|r| r.starts_with('_'));
-    let found: Vec<&BundleSpec> = spec.bundles.iter().filter(own).collect();
+    let found: Vec<&BundleSpec> = spec.bundles.iter().filter(|b| is_of(&b.name, name)).collect();
     if found.is_empty() {
         let mut known: Vec<String> = spec.bundles.iter().map(|b| b.name.clone()).collect();
         let have = known.join(", ");
@@ -154,7 +154,7 @@ const ACL: &str = "ACL";
 
 /// Whether a ligament's or bundle's name is of the ACL.
 pub(super) fn is_acl(name: &str) -> bool {
-    name.strip_prefix(ACL).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+    is_of(name, ACL)
 }
 
 /// The way of the whole ACL's footprint on the femur to the wall of the notch, and its percentages by the quadrant method: where `native` is of the

@@ -3,6 +3,7 @@
 use crate::plan::file::{GraftFile, SiteFile};
 use crate::plan::numbers::Value;
 use sim::flags::{FAILURE_N, Flag};
+use sim::names::is_of;
 use std::collections::BTreeMap;
 
 /// A graft that bears more than this while nothing loads the knee is marked [N]; ours: some three times what a hand pulls when it is fixed.
@@ -13,8 +14,7 @@ const BY_PERCENT: &str = "ACL";
 
 /// The tension at which a ligament fails, by its name or that of one of its bundles [N]; none where no source was read.
 fn failure_n(name: &str) -> Option<f64> {
-    let is = |ligament: &str| name.strip_prefix(ligament).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
-    FAILURE_N.iter().find(|(ligament, _)| is(ligament)).map(|(_, most)| *most)
+    FAILURE_N.iter().find(|(ligament, _)| is_of(name, ligament)).map(|(_, most)| *most)
 }
 
 /// The tension at which the ligament fails in whose place a graft runs [N]; none where both of its sites are points.
