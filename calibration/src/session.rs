@@ -19,6 +19,7 @@ use sim::SimError;
 use sim::coordinate::Load;
 use sim::laxity::{LaxityTrial, SignDoubt, Test, against_model};
 use sim::spec::{FramesSpec, ModelSpec, PoseSpec};
+use sim::trials::cannot_be_put;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -222,13 +223,11 @@ impl Session {
 
     /// Refuses trials of what the model does not have: a ligament that was cut, a patella that is pulled.
     fn is_for(&self, model: &Model) -> Result<(), CalibrationError> {
-        let fault = |(name, trial): (&String, &LaxityTrial)| {
-            let e = model.in_trial(trial).err()?;
+        let fault = |(name, targets): &(String, Targets)| {
             let of = if self.sources.len() > 1 { format!("{name}: ") } else { String::new() };
-            Some(CalibrationError::Targets(format!("{of}row {} ({}): {e}", trial.row.unwrap_or(0), trial.trial)))
+            Some(CalibrationError::Targets(of + &cannot_be_put(model, &targets.trials)?))
         };
-        let mut all = self.sources.iter().flat_map(|(name, t)| t.trials.iter().map(move |trial| (name, trial)));
-        all.find_map(fault).map_or(Ok(()), Err)
+        self.sources.iter().find_map(fault).map_or(Ok(()), Err)
     }
 
     /// The posterior, in one go.

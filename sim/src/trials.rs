@@ -196,6 +196,14 @@ pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -
     solved.map_err(|e| e.of_trial(&trial.trial))
 }
 
+/// What is said of the first trial that asks for what the model does not have, with its row; none where each can be put to it.
+pub fn cannot_be_put<'a>(model: &Model, trials: impl IntoIterator<Item = &'a LaxityTrial>) -> Option<String> {
+    trials.into_iter().find_map(|trial| {
+        let e = model.in_trial(trial).err()?;
+        Some(format!("row {} ({}): {e}", trial.row.unwrap_or(0), trial.trial))
+    })
+}
+
 /// Solves trials in parallel, in order; those of one compression, one tension of the quadriceps and one state of the knee share its settling. The same answers as
 /// [`solve_trial`]'s.
 pub fn solve_trials(model: &Model, trials: &[LaxityTrial], options: &TrialOptions) -> Vec<Result<Answer, SimError>> {
