@@ -220,7 +220,7 @@ fn a_graft_beside_an_uncut_knee_and_a_native_site_above_the_notch_are_told() {
             .filter(|k| [Kind::NothingCut, Kind::GivenFar].contains(k))
             .collect::<Vec<_>>()
     };
-    let plan = single("", "slack_length_mm = 60");
+    let plan = single("", "tension_n = 40");
     assert!(kinds(spec, &plan).is_empty());
     assert_eq!(kinds(spec, &PlanFile { cut: vec![], ..plan.clone() }), [Kind::NothingCut]);
     // the ACL's own site is moved up, above the roof of the notch
@@ -230,6 +230,56 @@ fn a_graft_beside_an_uncut_knee_and_a_native_site_above_the_notch_are_told() {
     let mut given = plan.clone();
     given.graft[0].femur = SiteFile { quadrant_percent: Some([24.8, 28.5]), ..SiteFile::default() };
     assert!(kinds(&high, &given).is_empty());
+}
+
+/// What is likely a slip of the pen is told, and the graft as it was meant is not.
+#[test]
+fn a_graft_on_the_wrong_side_of_two_ligaments_or_in_another_unit_is_told() {
+    let (_, spec, surfaces) = knee();
+    let told = |plan: &PlanFile| -> Vec<String> {
+        let out = outcome(spec, surfaces, plan).unwrap();
+        out.notices.iter().filter(|n| n.kind == Kind::GivenFar).map(|n| n.text.clone()).collect()
+    };
+    let plan = single("", "tension_n = 40");
+    let right = outcome(spec, surfaces, &plan).unwrap();
+    assert!(told(&plan).is_empty() && right.grafts[0].quadrant_percent.is_some());
+    let medial = single(", move_mm = [0, 0, -22]", "tension_n = 40");
+    assert!(told(&medial).iter().any(|t| t.contains("medial of the midline; an ACL begins on the lateral wall")));
+    assert_eq!(outcome(spec, surfaces, &medial).unwrap().grafts[0].quadrant_percent, None);
+    let mut mixed = plan.clone();
+    mixed.graft[0].tibia.native = Some("sMCL".into());
+    assert!(told(&mixed)[0].contains("from the footprint of ACL on the femur to that of sMCL on the tibia"));
+    for (slack, words) in [("3.1", "strained by"), ("200", "slack by")] {
+        let told = told(&single("", &format!("slack_length_mm = {slack}")));
+        assert!(told.len() == 1 && told[0].contains(words) && told[0].contains("mm apart in the CT pose"), "{told:?}");
+    }
+    let mut radians = plan;
+    radians.tests.flexions_deg = vec![0.5236];
+    assert_eq!(told(&radians), ["tests.flexions_deg is [0.5236]: radians? They are read as degrees"]);
+}
+
+#[test]
+fn what_a_plan_asks_beyond_the_calibration_is_told() {
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("graft.toml");
+    write(&file, "cut = [\"ACL\"]\n[tests]\nflexions_deg = [125]\npassive_deg = [125]\n");
+    let mut plan = build_model();
+    plan.arg("plan").arg(specimen()).arg(&file).args(["--samples", "0", "--out"]).arg(out.path().join("plan"));
+    plan.assert().success().stderr(contains("flexion of 125 deg (trials reach"));
+}
+
+/// A plan on another ligament than the ACL first says how the test comes out that this ligament resists.
+#[test]
+fn a_plan_for_a_pcl_tells_of_the_posterior_drawer() {
+    let (_, spec, surfaces) = knee();
+    let of = |cut: &str| -> Vec<String> {
+        let plan = parsed(&format!("cut = [\"{cut}\"]\n[tests]\nflexions_deg = [90]\npassive_deg = [90]\n")).unwrap();
+        outcome(spec, surfaces, &plan).unwrap().chances.into_iter().map(|c| c.of).skip(3).collect()
+    };
+    assert_eq!(of("PCL"), ["posterior drawer within 2 mm of the intact knee at every flexion"]);
+    assert_eq!(of("sMCL"), ["valgus within 3 deg of the intact knee at every flexion"]);
+    assert_eq!(of("LCL"), ["varus within 3 deg of the intact knee at every flexion"]);
+    assert!(of("ACL").is_empty());
 }
 
 #[test]
@@ -272,7 +322,13 @@ fn a_plan_that_means_nothing_is_one_clear_error() {
                 .replace("tibia = { native = \"ACL\"", "tibia = { native = \"ACL\", move_mm = [0, 0, -30.5]"),
             "tibia.move_mm is -30.5, expected -30 to 30",
         ),
+        (
+            graft(&format!("{stiff}tension_n = 40"))
+                .replace("native = \"ACL\" }\nt", "quadrant_percent = [0.25, 0.28] }\nt"),
+            "femur.quadrant_percent is [0.25, 0.28]: parts of 1? Expected percentages, such as [25, 28]",
+        ),
         ("[tests]\nflexions_deg = []".to_owned(), "tests.flexions_deg has 0 flexions"),
+        ("[tests]\nflexions_deg = [30, 60, 30.0]".to_owned(), "tests.flexions_deg has 30 twice"),
         (String::new(), "nothing is planned"),
         ("name = \"rest\"\ncut = []\n[tests]\nflexions_deg = [30]".to_owned(), "line 2: nothing is planned"),
     ] {

@@ -74,6 +74,8 @@ pub struct TestSet {
     pub spread: Vec<(String, f64, f64)>,
     /// Samples that count.
     pub samples: usize,
+    /// Samples that were asked.
+    pub asked: usize,
     /// Tests thought of.
     pub thought_of: usize,
 }
@@ -204,6 +206,7 @@ pub fn test_set(samples: &Samples, searched: &Model, asking: &Asking) -> Result<
         tests: order.into_iter().map(test).collect(),
         spread: names.into_iter().zip(spread).map(|(name, (now, then))| (name, now, then)).collect(),
         samples: here.len(),
+        asked: answered.read.len(),
         thought_of: thought_of.len(),
     })
 }

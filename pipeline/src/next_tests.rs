@@ -13,7 +13,7 @@ use calibration::error::CalibrationError;
 use calibration::targets::TargetOptions;
 use calibration::test_set::{Asking, Candidate, Chosen, TestSet, Wanted, test_set};
 use clap::Args;
-use notices::Notice;
+use notices::{Kind, Notice};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::coordinate::{Coordinate, FREE, Free, Load, SI};
@@ -127,7 +127,7 @@ pub fn next_tests(args: &NextTestsArgs) -> Result<Told, BuildError> {
     }
     let noise = noise(args)?;
     let loaded = model_file::load_which(&args.model, &args.which)?;
-    let (samples, notices) = bands::of(&loaded)?;
+    let (samples, mut notices) = bands::of(&loaded)?;
     let Some(samples) = samples else {
         let what =
             "it has no samples of a posterior; expected a calibrated knee (build-model calibrate, or a whole build)";
@@ -145,6 +145,7 @@ pub fn next_tests(args: &NextTestsArgs) -> Result<Told, BuildError> {
         most: args.samples,
     };
     let mut found = test_set(&samples, &searched, &asking).map_err(fault)?;
+    notices.extend(left_out(&found));
     if is_settled(&found) {
         found.tests.clear();
     }
@@ -231,6 +232,17 @@ fn loads(chosen: &Chosen) -> String {
     chosen.test.reads.iter().map(of).collect::<Vec<_>>().join(", ")
 }
 
+/// What is said of samples that do not count.
+fn left_out(found: &TestSet) -> Option<Notice> {
+    let left = found.asked - found.samples;
+    let text = format!(
+        "{left} of {} samples do not count: in them the femur leaves the plateau where the quantity is wanted, or under the tests. What is told is of knees \
+         that stay on it",
+        found.asked
+    );
+    (left > 0).then(|| Kind::SamplesLost.notice(text).count(left))
+}
+
 /// Lines for a terminal.
 fn words(found: &TestSet, loaded: &LoadedModel, args: &NextTestsArgs) -> String {
     let mut text = loaded.line();
@@ -300,7 +312,7 @@ mod tests {
     fn a_quantity_that_no_sample_varies_is_settled_and_one_that_some_do_is_not() {
         let with = |spread: &[f64]| {
             let spread = spread.iter().map(|now| ("force".to_owned(), *now, *now)).collect();
-            is_settled(&TestSet { tests: vec![], spread, samples: 48, thought_of: 90 })
+            is_settled(&TestSet { tests: vec![], spread, samples: 48, asked: 48, thought_of: 90 })
         };
         assert!(with(&[0.0, 1e-12]) && !with(&[0.0, 0.1]));
     }
@@ -308,7 +320,7 @@ mod tests {
     #[test]
     fn a_set_as_trials_is_read_back() {
         let tests = candidates(20.0, true).into_iter().step_by(17).map(|test| Chosen { test, left: 0.5 }).collect();
-        let found = TestSet { tests, spread: vec![], samples: 48, thought_of: 90 };
+        let found = TestSet { tests, spread: vec![], samples: 48, asked: 48, thought_of: 90 };
         let read = sim::laxity::read(trials_csv(&trials(&found)).as_bytes()).unwrap().trials;
         for chosen in &found.tests {
             let same = |t: &&LaxityTrial| t.load == chosen.test.load && t.fe_deg == chosen.test.flexion_deg;

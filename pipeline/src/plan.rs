@@ -19,6 +19,7 @@ mod sweep;
 mod table;
 
 use crate::bands;
+use crate::beyond;
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
 use crate::record::json;
@@ -110,6 +111,7 @@ pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
     notices.extend(has_none.then(|| Kind::NoIntervals.notice(NO_SAMPLES)));
     let samples = samples.filter(|s| !s.is_empty());
     notices.extend(model_file::left_out(&loaded.spec, "plan"));
+    notices.extend(beyond::calibration(&loaded.spec, knee::tests(&file.tests).iter().map(|a| &a.trial)));
     let which = samples.as_ref().map(|s| (s, chosen(s, args)));
     if let Some((sweep, place)) = &sweep {
         let only = which.as_ref().map(|(s, w)| s.only(w));

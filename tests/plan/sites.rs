@@ -54,7 +54,7 @@ fn a_site_moves_as_far_along_the_bone_as_it_is_asked_to() {
 fn a_site_that_is_moved_off_its_wall_or_not_as_far_as_asked_is_told() {
     let (_, spec, surfaces) = knee();
     let told = |by: [f64; 3]| {
-        let mut plan = single("", "slack_length_mm = 60");
+        let mut plan = single("", "slack_length_mm = 30");
         plan.graft[0].femur.move_mm = by;
         let out = outcome(spec, surfaces, &plan).unwrap();
         let percent = out.grafts[0].quadrant_percent.unwrap();

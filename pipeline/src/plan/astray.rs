@@ -1,12 +1,17 @@
 //! Sites that lie otherwise than a plan asked: in sentences, and in few words for a table.
 
-use super::file::{GraftFile, PERCENTS};
+use super::file::{GraftFile, PERCENTS, PlanFile};
 use super::knee::{Placed, is_acl};
-use super::sites::ACL_PERCENT;
+use super::outcome::GraftTold;
+use super::sites::{ACL_PERCENT, Bone};
+use meshes::Point;
 use notices::{Kind, Notice};
 
 /// A moved site is told of where it went this much less far than it was asked to [mm]; ours: what a drill can be aimed by.
 const SHORT_MM: f64 = 1.0;
+
+/// Strains in the CT pose that a slack length may give [-]; ours: a ligament is torn at some 0.2, and a graft that is slack by a quarter is never taut.
+const STRAINS: std::ops::RangeInclusive<f64> = -0.25..=0.2;
 
 /// Where a graft's ends lie [%]: on the femur by the quadrant method, on the tibia of the plateau.
 pub(super) type Percents = [Option<[f64; 2]>; 2];
@@ -83,6 +88,50 @@ pub(super) fn moved_away(graft: &GraftFile, placed: &Placed, told: Percents) -> 
         }
     }
     out
+}
+
+/// A graft that runs from the medial side in place of an ACL, between footprints of two ligaments, or that its slack length does not fit.
+pub(super) fn astray(femur: &Bone, (file, graft): (&PlanFile, &GraftFile), told: &GraftTold) -> Vec<Notice> {
+    let name = &graft.name;
+    let lateral_mm = femur.lateral_mm(&Point::from(told.femur_mm));
+    let medial = (is_for_the_acl(file, graft) && lateral_mm < 0.0).then(|| {
+        format!(
+            "graft {name:?}: on the femur it begins {:.0} mm medial of the midline; an ACL begins on the lateral wall of the notch. Look at the signs \
+             of move_mm or point_mm",
+            -lateral_mm
+        )
+    });
+    let of = [&graft.femur, &graft.tibia].map(|site| site.native.as_deref().map(ligament));
+    let mixed = of[0].zip(of[1]).filter(|(a, b)| a != b).map(|(a, b)| {
+        format!("graft {name:?}: it runs from the footprint of {a} on the femur to that of {b} on the tibia; expected those of one ligament")
+    });
+    let strain = told.length_mm / told.slack_length_mm - 1.0;
+    let unfit = graft.slack_length_mm.filter(|_| !STRAINS.contains(&strain)).map(|slack| {
+        let what = if strain > 0.0 { "strained by" } else { "slack by" };
+        format!(
+            "graft {name:?}: slack_length_mm is {slack}, and its sites lie {:.1} mm apart in the CT pose: it is {what} {:.0} % there. A length in mm \
+             was expected, near that",
+            told.length_mm,
+            100.0 * strain.abs()
+        )
+    });
+    [medial, mixed, unfit].into_iter().flatten().map(|text| Kind::GivenFar.notice(text)).collect()
+}
+
+/// The ligament of a footprint: `ACL` of `ACL_AM`.
+fn ligament(bundle: &str) -> &str {
+    bundle.split_once('_').map_or(bundle, |(ligament, _)| ligament)
+}
+
+/// Whether a graft stands for an ACL: by a native site, or by one that counts as an ACL's where only an ACL is cut.
+fn is_for_the_acl(file: &PlanFile, graft: &GraftFile) -> bool {
+    let natives = [&graft.femur, &graft.tibia].map(|site| site.native.as_deref());
+    let is_cut = !file.cut.is_empty() && file.cut.iter().all(|c| is_acl(c));
+    match natives {
+        [Some(femur), _] => is_acl(femur),
+        [None, Some(tibia)] => is_acl(tibia),
+        [None, None] => is_cut,
+    }
 }
 
 /// The same in few words.

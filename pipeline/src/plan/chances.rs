@@ -7,6 +7,7 @@ use super::sampled::Sampled;
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::coordinate::{AP, Coordinate, IE, VV};
+use sim::names::is_of;
 
 /// A chance.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -22,6 +23,9 @@ pub struct ChanceTold {
     pub most_probable: bool,
     /// Where it fails most often; none where it fails nowhere.
     pub fails: Option<FailTold>,
+    /// Whether it is of the test that a cut ligament other than the ACL resists, or a graft in its place: such are told first.
+    #[serde(skip)]
+    pub is_own: bool,
 }
 
 /// The test in which a knee is most often unlike the intact one.
@@ -83,7 +87,7 @@ impl Wanted<'_> {
             // the first of those that are as far off, or have no equilibrium
             let furthest = beyond.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(a.0)));
             let fails = furthest.map(|(t, _)| fail(*t, None));
-            return ChanceTold { of, chance: None, counts: None, most_probable, fails };
+            return ChanceTold { of, chance: None, counts: None, most_probable, fails, is_own: false };
         };
         let all: Vec<usize> = (0..sampled.len()).collect();
         let by_test: Vec<Vec<Option<bool>>> =
@@ -106,6 +110,7 @@ impl Wanted<'_> {
             counts: Some([holding, n]),
             most_probable,
             fails: worst.map(|(t, fails, holds)| fail(t, Some([fails, fails + holds]))),
+            is_own: false,
         }
     }
 }
@@ -123,7 +128,12 @@ fn limits(file: &PlanFile) -> [(Coordinate, f64); 3] {
     [(AP, mm), (IE, deg), (VV, deg)]
 }
 
-/// The chances of a plan: of the forward drawer alone, of the pivot shift, and of every test.
+/// The chances in the order in which they are told.
+pub(super) fn in_order(all: &[ChanceTold]) -> impl Iterator<Item = &ChanceTold> {
+    all.iter().filter(|c| c.is_own).chain(all.iter().filter(|c| !c.is_own))
+}
+
+/// The chances of a plan: of the forward drawer alone, of the pivot shift, of every test, and of what other ligaments than an ACL resist.
 pub(super) fn chances(file: &PlanFile, asked: &[Asked], numbers: &Numbers) -> Vec<ChanceTold> {
     let (mm, deg) = (file.tests.restored_mm, file.tests.restored_deg);
     let limits = limits(file);
@@ -131,13 +141,40 @@ pub(super) fn chances(file: &PlanFile, asked: &[Asked], numbers: &Numbers) -> Ve
         let tests = (0..asked.len()).filter(|t| is_meant(&asked[*t])).collect();
         Wanted { numbers, tests, limits: limits.to_vec() }.told(of, asked)
     };
-    vec![
+    let own = asked_of(file).into_iter().map(|kind| {
+        let (k, unit) = if kind == "posterior drawer" { (0, mm) } else { (2, deg) };
+        let of = format!("{kind} within {unit} {} of the intact knee at every flexion", limits[k].0.unit());
+        ChanceTold { is_own: true, ..chance(of, &limits[k..=k], &|a| a.kind == kind) }
+    });
+    let mut all = vec![
         chance(format!("anterior drawer within {mm} mm of the intact knee at every flexion"), &limits[..1], &|a| {
             a.kind == "anterior drawer"
         }),
         chance(format!("pivot shift within {mm} mm and {deg} deg"), &limits, &|a| a.kind == "pivot shift"),
         chance(format!("every loaded test within {mm} mm and {deg} deg"), &limits, &|a| a.kind != "unloaded"),
-    ]
+    ];
+    all.extend(own);
+    all
+}
+
+/// The test that each ligament resists first.
+const RESISTS: [(&str, &str); 6] = [
+    ("PCL", "posterior drawer"),
+    ("sMCL", "valgus"),
+    ("dMCL", "valgus"),
+    ("POL", "valgus"),
+    ("LCL", "varus"),
+    ("PFL", "varus"),
+];
+
+/// The tests that a plan is about beside an ACL's, each once: by what is cut and by whose footprints grafts have.
+fn asked_of(file: &PlanFile) -> Vec<&'static str> {
+    let sites = file.graft.iter().flat_map(|g| [&g.femur, &g.tibia]).filter_map(|site| site.native.as_ref());
+    let names: Vec<&String> = file.cut.iter().chain(sites).collect();
+    let is_meant = |ligament: &str| names.iter().any(|name| is_of(name, ligament));
+    let mut out: Vec<&str> = RESISTS.iter().filter(|(ligament, _)| is_meant(ligament)).map(|(_, test)| *test).collect();
+    out.dedup();
+    out
 }
 
 #[cfg(test)]

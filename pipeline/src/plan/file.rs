@@ -212,8 +212,18 @@ impl PlanFile {
     pub(super) fn odd(&self) -> Vec<Notice> {
         let is_uncut = self.cut.is_empty() && !self.graft.is_empty();
         let text = "nothing is cut: what is put in stands beside all of the knee's own ligaments; expected cut = [\"ACL\"], or what it replaces";
-        is_uncut.then(|| Kind::NothingCut.notice(text)).into_iter().collect()
+        let uncut = is_uncut.then(|| Kind::NothingCut.notice(text));
+        let lists = [("flexions_deg", &self.tests.flexions_deg), ("passive_deg", &self.tests.passive_deg)];
+        let radians = lists.into_iter().filter(|(_, list)| are_like_radians(list)).map(|(key, list)| {
+            Kind::GivenFar.notice(format!("tests.{key} is {list:?}: radians? They are read as degrees"))
+        });
+        uncut.into_iter().chain(radians).collect()
     }
+}
+
+/// Whether flexions look like radians: none beyond a bent knee's, and one of no whole number.
+fn are_like_radians(list: &[f64]) -> bool {
+    list.iter().all(|x| x.abs() <= FLEXIONS_DEG[1].to_radians()) && list.iter().any(|x| x.fract() != 0.0)
 }
 
 impl GraftFile {
@@ -259,6 +269,16 @@ impl SiteFile {
             return Err(Wrong::at(bone, format!("{bone} has {has}, expected one of native, point_mm and {own}")));
         }
         let percents = [("quadrant_percent", self.quadrant_percent), ("plateau_percent", self.plateau_percent)];
+        let parts = percents.iter().filter_map(|(key, pair)| Some((key, (*pair)?)));
+        let is_part = |pair: &[f64; 2]| pair.iter().all(|p| (0.0..=1.0).contains(p)) && *pair != [0.0; 2];
+        if let Some((key, [a, b])) = parts.into_iter().find(|(_, pair)| is_part(pair)) {
+            let told = format!(
+                "{bone}.{key} is [{a}, {b}]: parts of 1? Expected percentages, such as [{:.0}, {:.0}]",
+                100.0 * a,
+                100.0 * b
+            );
+            return Err(Wrong::at(format!("{bone}.{key}"), told));
+        }
         for (key, p) in percents.iter().flat_map(|(key, pair)| pair.iter().flatten().map(move |p| (key, *p))) {
             within(&format!("{bone}.{key}"), &format!("{bone}, percent"), p, PERCENTS)?;
         }
@@ -276,6 +296,9 @@ impl TestsFile {
                 return Err(Wrong::at(key, format!("{key} has {} flexions, expected 1 to 30", list.len())));
             }
             list.iter().try_for_each(|x| within(key, key, *x, FLEXIONS_DEG))?;
+            if let Some(twice) = list.iter().enumerate().find(|(k, x)| list[..*k].contains(x)).map(|(_, x)| x) {
+                return Err(Wrong::at(key, format!("{key} has {twice} twice, expected each flexion once")));
+            }
         }
         for (key, x, most) in [
             ("drawer_n", self.drawer_n, 500.0),

@@ -8,7 +8,8 @@ use super::sites::{Bone, bones};
 use calibration::samples::Samples;
 use sim::SimError;
 use sim::graft::{Graft, with_grafts};
-use sim::laxity::LaxityTrial;
+use sim::jumps::flag_jumps;
+use sim::laxity::{LaxityTrial, TrialResult};
 use sim::model::{Model, compile};
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, solve_trials};
@@ -122,10 +123,14 @@ impl<'a> Ground<'a> {
     fn answers(&self, model: &Model) -> Vec<Option<Found>> {
         let bundles = model.bundle_names();
         let answers = solve_trials(model, &self.trials, &TrialOptions::default());
-        let found = answers.into_iter().zip(&self.trials).map(|(answer, trial)| {
-            let result = answer.ok()?.result(trial);
-            Some(Found { pose: result.predicted(), told: result.columns(&bundles), flags: result.flags })
-        });
-        found.collect()
+        let answered = answers.into_iter().zip(&self.trials).enumerate();
+        let (at, mut results): (Vec<usize>, Vec<TrialResult>) =
+            answered.filter_map(|(t, (answer, trial))| Some((t, answer.ok()?.result(trial)))).unzip();
+        flag_jumps(&mut results);
+        let mut out = vec![None; self.trials.len()];
+        for (t, r) in at.into_iter().zip(results) {
+            out[t] = Some(Found { pose: r.predicted(), told: r.columns(&bundles), flags: r.flags });
+        }
+        out
     }
 }

@@ -9,7 +9,7 @@ pub(super) const STYLE: &str = "<style>@media screen and (max-width:40rem){.fold
     .fold tr{border-bottom:1px solid var(--line);padding:.3rem 0}\
     .fold td{display:grid;grid-template-columns:minmax(0,2fr) minmax(0,3fr);gap:.6rem;border:0;padding:.1rem 0}\
     .fold td:empty{display:none}.fold td::before{content:attr(data-head);color:var(--dim)}}\
-    @media print{body>header{display:block!important}.fold td,.fold th{font-size:8.5pt;padding-right:.5rem}}</style>";
+    @media print{body>header{display:block!important}.wide{overflow:visible}.fold td,.fold th{font-size:7pt;padding-right:.3rem}}</style>";
 
 /// A table that folds on a narrow screen; its cells are escaped.
 pub(super) fn table(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> String {

@@ -2,7 +2,7 @@
 
 pub(super) mod borne;
 
-use super::astray::{Percents, laid_on_the_wall, moved_away};
+use super::astray::{Percents, astray, laid_on_the_wall, moved_away};
 use super::chances::{ChanceTold, chance_of, chances};
 use super::file::{GraftFile, PlanFile};
 use super::ground::{Before, Ground, Knee};
@@ -64,7 +64,7 @@ pub struct GraftTold {
     pub femur_mm: [f64; 3],
     /// Where it leaves the tibia [mm].
     pub tibia_mm: [f64; 3],
-    /// The femoral site by the quadrant method: depth, height [%].
+    /// The femoral site by the quadrant method: depth, height [%]; none of a site that is not on the lateral wall of the notch.
     pub quadrant_percent: Option<[f64; 2]>,
     /// The tibial site: from the plateau's front edge, from its medial edge [%].
     pub plateau_percent: Option<[f64; 2]>,
@@ -146,6 +146,7 @@ pub(super) fn outcome_on(ground: &Ground, before: &Before, (file, knee): (&PlanF
     notices.extend(file.graft.iter().zip(placed).filter_map(|(g, p)| laid_on_the_wall(g, p)));
     let moved = file.graft.iter().zip(placed).zip(&grafts);
     notices.extend(moved.flat_map(|((g, p), told)| moved_away(g, p, told.percents())));
+    notices.extend(file.graft.iter().zip(&grafts).flat_map(|(g, told)| astray(&ground.bones[0], (file, g), told)));
     let (numbers, fault) = ground.numbers(before, knee);
     notices.extend(fault.map(|e| Kind::NoIntervals.notice(format!("no intervals: {e}"))));
     notices.extend(not_operated(&numbers));
@@ -224,7 +225,7 @@ fn graft(file: &GraftFile, placed: &Placed, slack: f64, bones: &[Bone; 2]) -> Gr
         name: file.name.clone(),
         femur_mm: femur.coords.into(),
         tibia_mm: tibia.coords.into(),
-        quadrant_percent: rounded(bones[0].percent(&femur)),
+        quadrant_percent: rounded(bones[0].percent(&femur).filter(|_| bones[0].is_by_the_wall(&femur))),
         plateau_percent: rounded(bones[1].percent(&tibia)),
         length_mm: mean_length(&placed.ends),
         slack_length_mm: slack,

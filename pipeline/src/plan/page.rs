@@ -1,5 +1,6 @@
 //! plan.html: one page to print. Plain words, tables, figures; nothing is loaded from elsewhere.
 
+use super::chances::in_order;
 use super::heat;
 use super::html::{STYLE, table, words};
 use super::knee::STATES;
@@ -80,11 +81,12 @@ fn summary(out: &Outcome) -> String {
     match out.samples {
         0 => text += "The most probable knee alone was asked: no intervals and no chances.",
         n => {
-            let _ = write!(text, "{n} knees that fit the measurements were operated on.");
+            let done = if out.grafts.is_empty() { "had this cut, and no graft" } else { "were operated on" };
+            let _ = write!(text, "{n} knees that fit the measurements {done}.");
         }
     }
     text += "</p><ul>";
-    for c in &out.chances {
+    for c in in_order(&out.chances) {
         let _ = write!(text, "<li>{}: {}</li>", escaped(&c.of), chance(c));
     }
     text + "</ul>"

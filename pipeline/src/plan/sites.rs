@@ -18,6 +18,8 @@ const ROOF_NEAR_MM: f64 = 30.0;
 const ROOF_FACES: [f64; 2] = [0.3, 0.2];
 /// A condyle begins so far lateral of the midline [mm]; ours.
 const CONDYLE_FROM_MM: f64 = 8.0;
+/// The notch's lateral wall lies no further lateral of the midline [mm]; ours: it is 4 to 15 mm from it.
+const WALL_MM: f64 = 20.0;
 /// The plateau's edges are those of the bone so near its origin's level [mm]; ours.
 const PLATEAU_BAND_MM: f64 = 6.0;
 /// A point may lie so far off the bone [mm]; ours.
@@ -242,6 +244,16 @@ impl Bone<'_> {
             }
         }
         ends
+    }
+
+    /// How far lateral of the bone's midline a place lies [mm]; medial is negative.
+    pub(super) fn lateral_mm(&self, p: &Point) -> f64 {
+        self.placed(p)[2]
+    }
+
+    /// Whether a place of the femur lies where its notch's lateral wall does, of which alone the quadrant method tells.
+    pub(super) fn is_by_the_wall(&self, p: &Point) -> bool {
+        (0.0..=WALL_MM).contains(&self.lateral_mm(p))
     }
 
     /// Where a place lies by the bone's own percentages: quadrant of the femur, plateau of the tibia.

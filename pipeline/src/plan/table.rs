@@ -1,6 +1,6 @@
 //! A plan as a tidy table, and as lines for a terminal.
 
-use super::chances::{ChanceTold, FailTold};
+use super::chances::{ChanceTold, FailTold, in_order};
 use super::knee::{STATES, main_coordinate};
 use super::numbers::Value;
 use super::outcome::{Outcome, TestTold};
@@ -102,7 +102,7 @@ pub(super) fn words(out: &Outcome) -> String {
             unit(t)
         );
     }
-    for c in &out.chances {
+    for c in in_order(&out.chances) {
         let _ = writeln!(text, "{}: {}", c.of, chance(c));
     }
     text
