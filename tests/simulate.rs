@@ -179,6 +179,8 @@ fn a_cut_knee_is_the_same_whether_its_table_or_the_command_says_what_was_cut() {
     assert_eq!([answers("command.out"), answers("each.out")], [answers("table.out"), answers("table.out")]);
     assert_ne!(answers("table.out"), answers("whole.out"));
     assert!(["command.out", "whole.out"].iter().all(|name| !read(name).contains("without")));
+    // with both, the column says all that was cut
+    assert!(columns(&path("each.out"), &["without"]).iter().all(|row| row == &["ACL+ALS"]));
     let told = columns(&path("table.out"), &["without", "force_ACL_AM_n", "force_ALS_n"]);
     assert!(told.iter().all(|row| row == &["ACL+ALS", "0.000000", "0.000000"]), "{told:?}");
     let mut again = build_model();

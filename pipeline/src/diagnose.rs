@@ -3,7 +3,7 @@
 use crate::bands;
 use crate::calibrate::Watch;
 use crate::cohort::shared;
-use crate::diagnosis_files::{DIAGNOSIS, PAGE, as_json, files_of, prepared};
+use crate::diagnosis_files::{DIAGNOSIS, PAGE, as_json, files_of, of_cut_knees, prepared};
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
 use crate::options::{BuildOptions, Override, deaf, only, parse_override, resolve};
@@ -27,7 +27,7 @@ use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
-use sim::names::did_you_mean;
+use sim::names::{did_you_mean, is_of};
 use sim::spec::CalibratedSpec;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -117,6 +117,7 @@ pub fn run_beside(
     let (first, more) = before(&args.before)?;
     odd.extend(more);
     let start_from = if first.is_empty() { sources.clone() } else { first.clone() };
+    grown_again(&first, &sources)?;
     for s in first {
         if sources.iter().any(|other| other.name == s.name) {
             return Err(BuildError::Usage(format!(
@@ -162,6 +163,9 @@ pub fn run_beside(
         diagnose_beside(&model, &loaded.spec, &sources, &catalogue, options, calibration, truth)
             .and_then(|(outcome, regret)| Ok((outcome.with_provenance(&provenance)?, regret)))
             .map_err(|e| fault(&e))?;
+    for words in of_cut_knees(&sources) {
+        outcome.diagnosis.plain += &format!("\n{words}");
+    }
     if let Some(words) = of_others(&calibrate, loaded.spec.calibrated.as_ref()) {
         outcome.diagnosis.plain += &format!("\n{words}");
     }
@@ -260,6 +264,23 @@ fn provenance(args: &DiagnoseArgs, loaded: &LoadedModel, catalogue: &Catalogue) 
 
 /// Ending of the name of a data set that was measured before.
 const BEFORE: &str = "_before";
+
+/// Refuses a knee that was less whole before than it is now: what was cut does not grow again.
+fn grown_again(before: &[Source], now: &[Source]) -> Result<(), BuildError> {
+    let of = |s: &Source| s.trials.first().map_or(vec![], |t| t.without.clone());
+    let pairs = before.iter().flat_map(|b| now.iter().map(move |n| (b, n)));
+    for (b, n) in pairs {
+        let now_cut = of(n);
+        if let Some(whole) = of(b).iter().find(|name| !now_cut.iter().any(|cut| is_of(name, cut))) {
+            return Err(BuildError::Usage(format!(
+                "--before {}: its knee was without {whole} (column without), and that of --measured {} has it; are they exchanged?",
+                b.name.trim_end_matches(BEFORE),
+                n.name
+            )));
+        }
+    }
+    Ok(())
+}
 
 /// Reads the data sets that were measured before; each has a name of its own beside what was measured since.
 fn before(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, Vec<Notice>), BuildError> {

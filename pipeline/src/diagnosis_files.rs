@@ -6,6 +6,7 @@ use crate::report::diagnosis_page;
 use crate::report::html::LivePart;
 use calibration::options::CalibrateOptions;
 use diagnosis::diagnosis::Diagnosis;
+use diagnosis::problem::trial::Source;
 use diagnosis::report::component::Component;
 use sim::spec::ModelSpec;
 
@@ -20,6 +21,16 @@ pub(crate) fn prepared(
     calibrate: &CalibrateOptions,
 ) -> Result<sim::Model, diagnosis::DiagnosisError> {
     diagnosis::problem::rim::prepared(&loaded.spec, &loaded.meshes, &calibrate.search)
+}
+
+/// A sentence for each data set of a knee of which something was cut, as its file says.
+pub(crate) fn of_cut_knees(sources: &[Source]) -> Vec<String> {
+    let one = |s: &Source| {
+        let cut = &s.trials.first()?.without;
+        (!cut.is_empty())
+            .then(|| format!("{} was read of the knee without {}, as its file says.", s.name, cut.join(" and ")))
+    };
+    sources.iter().filter_map(one).collect()
 }
 
 /// diagnosis.json, report.html, components/ and model.json, which is `spec`: with what was added or as it was.

@@ -133,10 +133,7 @@ fn written(
         (Format::Vtk, None) => {
             (texts(sim::vtk::export(&loaded.spec, &loaded.meshes, &Isometry::identity(), &[])), Vec::new())
         }
-        (Format::Vtk, Some(poses)) => {
-            let (files, missing) = series::files(loaded, poses, &store::read(poses)?)?;
-            (files, missing.into_iter().collect())
-        }
+        (Format::Vtk, Some(poses)) => series::files(loaded, poses, &store::read(poses)?)?,
         (Format::Stl, _) => (surfaces(loaded, "stl")?, Vec::new()),
         (Format::Ply, _) => (surfaces(loaded, "ply")?, Vec::new()),
         (Format::Glb, _) => (vec![("model.glb".to_owned(), gltf::glb(loaded))], Vec::new()),

@@ -7,7 +7,7 @@ use attachments::bundle::{BUNDLES, LIGAMENTS};
 use notices::{Kind, Notice};
 use serde::Serialize;
 use sim::laxity::{LaxityTrial, Named, SignDoubt, Tracked};
-use sim::names::did_you_mean;
+use sim::names::{did_you_mean, is_of};
 use stages::ingest::{named, paths_named_in};
 use stages::specimen::{CtPaths, RawSpecimen, SpecimenFile};
 use std::collections::{BTreeMap, BTreeSet};
@@ -149,7 +149,7 @@ const MENISCI: [&str; 2] = ["meniscus_medial", "meniscus_lateral"];
 /// What is said of a ligament that a file calls cut and no built knee has; none where it has all of them.
 pub fn no_ligament(trials: &[LaxityTrial]) -> Option<String> {
     let known = || BUNDLES.iter().map(|b| b.name.as_str()).chain(MENISCI);
-    let fits = |name: &str| known().any(|k| k == name || k.strip_prefix(name).is_some_and(|r| r.starts_with('_')));
+    let fits = |name: &str| known().any(|k| is_of(k, name));
     let first = trials.first()?;
     let name = first.without.iter().find(|name| !fits(name))?;
     let near = did_you_mean(name, LIGAMENTS.iter().copied().chain(known()));

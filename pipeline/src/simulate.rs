@@ -20,7 +20,7 @@ use sim::jumps::flag_jumps;
 use sim::laxity::{self, LaxityTrial, TrialResult};
 use sim::names::did_you_mean;
 use sim::protocols::{self, COMPRESSION_N, Protocol, ProtocolOptions};
-use sim::trials::{FLEXION_DEG, TrialOptions, solve_trials};
+use sim::trials::{FLEXION_DEG, TrialOptions, cannot_be_put, solve_trials};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -228,6 +228,12 @@ fn answers_to(
     };
     let by = banded(compiled, &mut results, &asking, (&mut words, &mut warnings))?;
     warnings.extend(with_lost(&mut results, (lost.as_slice(), why.as_ref()), (trials.as_slice(), names.len())));
+    // a table that says what was cut says all of it
+    for without in results.iter_mut().map(|r| &mut r.trial.without).filter(|own| !own.is_empty()) {
+        without.extend(args.without.iter().cloned());
+        without.sort();
+        without.dedup();
+    }
     let csv = match args.protocol {
         Some(_) => laxity::protocol_csv(&names, &results),
         None => laxity::results_csv(&names, &results),
@@ -240,12 +246,8 @@ fn answers_to(
 /// Refuses the first trial that asks for what the model does not have.
 fn is_asked_of(model: &Model, trials: &[LaxityTrial], args: &SimulateArgs) -> Result<(), BuildError> {
     let file = args.trials.as_deref().unwrap_or(Path::new(""));
-    let fault = |t: &LaxityTrial| {
-        let e = model.in_trial(t).err()?;
-        let text = format!("{}: row {} ({}): {e}", file.display(), t.row.unwrap_or(0), t.trial);
-        Some(BuildError::of_file(file, text))
-    };
-    trials.iter().find_map(fault).map_or(Ok(()), Err)
+    let fault = |what: String| Err(BuildError::of_file(file, format!("{}: {what}", file.display())));
+    cannot_be_put(model, trials).map_or(Ok(()), fault)
 }
 
 /// Refuses to read as a data set that the model does not know: it knows those it is calibrated to, and those whose effects were added to it.

@@ -38,12 +38,19 @@ fn a_file_is_of_one_state_of_the_knee_which_specimen_toml_may_say_too() {
     };
     let plain = file(["", ""]).replace(",without", "").replace(",\n", "\n");
     assert_eq!(without(&plain, "without = [\"PCL\"]"), ["PCL"]);
-    // what is declared stands where a cell is empty, and agrees with it where none is
-    assert_eq!(without(&file(["", ""]), "without = [\"PCL\"]"), ["PCL"]);
+    // a column says the same as what is declared
     assert_eq!(without(&file(["PCL+ACL", "ACL+PCL"]), "without = [\"ACL+PCL\"]"), ["ACL", "PCL"]);
-    let format: LaxityFormat = toml::from_str("without = [\"PCL\"]").unwrap();
-    let told = read_as(file(["ACL", "ACL"]).as_bytes(), &format, Side::Right).unwrap_err().to_string();
-    assert!(told.contains("row 2, column \"without\": \"ACL\", but specimen.toml declares without = PCL"), "{told}");
+    for (cell, declared, words) in [
+        ("ACL", "PCL", "\"ACL\", but specimen.toml declares without = PCL"),
+        ("", "PCL", "empty, as of a whole knee, but specimen.toml declares without = PCL"),
+        ("ACL", "none", "\"ACL\", but specimen.toml declares without = none"),
+    ] {
+        let format: LaxityFormat = toml::from_str(&format!("without = [\"{declared}\"]")).unwrap();
+        let told = read_as(file([cell, cell]).as_bytes(), &format, Side::Right).unwrap_err().to_string();
+        assert!(told.contains(&format!("row 2, column \"without\": {words}")), "{told}");
+    }
+    let told = read(file(["ACL+none", "ACL+none"]).as_bytes()).unwrap_err().to_string();
+    assert!(told.contains("a knee is whole or it is cut"), "{told}");
 }
 
 #[test]

@@ -20,11 +20,7 @@ struct Row {
 
 /// model.pvd and model_0000.vtu, ...: a file a row of `table` (results of `simulate`, protocols of `validate`), time being the row's number. A row without
 /// equilibrium has no pose and no file; beside the files stands how many there are.
-pub(super) fn files(
-    model: &LoadedModel,
-    place: &Path,
-    table: &[u8],
-) -> Result<(Vec<File>, Option<Notice>), BuildError> {
+pub(super) fn files(model: &LoadedModel, place: &Path, table: &[u8]) -> Result<(Vec<File>, Vec<Notice>), BuildError> {
     let fault = |e: String| BuildError::in_file(place, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(|e| fault(e.to_string()))?;
     let mut out = Vec::new();
@@ -39,7 +35,17 @@ pub(super) fn files(
     }
     list += "</Collection></VTKFile>\n";
     out.push(("model.pvd".into(), list.into_bytes()));
-    Ok((out, without_pose(&rows, place)))
+    Ok((out, without_pose(&rows, place).into_iter().chain(of_a_cut_knee(table)).collect()))
+}
+
+/// What is said of rows of a cut knee, whose files have the whole one.
+fn of_a_cut_knee(table: &[u8]) -> Option<Notice> {
+    let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(table);
+    let at = reader.headers().ok()?.iter().position(|h| h == "without")?;
+    let rows: Vec<csv::StringRecord> = reader.records().flatten().collect();
+    let cut: Vec<&str> = rows.iter().filter_map(|r| r.get(at)).filter(|name| !name.is_empty()).collect();
+    let text = format!("{} rows are of a knee without {}; their files have the whole knee", cut.len(), cut.first()?);
+    Some(Kind::NotInFormat.notice(text).count(cut.len()))
 }
 
 /// What is said of rows without a pose; nothing where each has one.

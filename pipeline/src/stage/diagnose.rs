@@ -2,7 +2,7 @@
 
 use super::calibrate::{Calibration, MOST_NOISE};
 use super::{Files, Stage, Values, Work, reported};
-use crate::diagnosis_files::{files_of, prepared};
+use crate::diagnosis_files::{files_of, of_cut_knees, prepared};
 use crate::given::Measured;
 use crate::kept::Kept;
 use crate::model_file::{self, LoadedModel, assembled_model};
@@ -134,9 +134,12 @@ fn diagnose_built(
         calibration.joint.as_ref().or_else(|| calibration.sources.values().next().filter(|_| sources.len() == 1));
     let mode = of_all.map(|c| &c.found.mode).filter(|mode| !mode.is_empty());
     let calibrated = Calibrated { options: &calibration.options, mode };
-    let outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, calibrated)
+    let mut outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, calibrated)
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| e.to_string())?;
+    for words in of_cut_knees(&sources) {
+        outcome.diagnosis.plain += &format!("\n{words}");
+    }
     let d = &outcome.diagnosis;
     let clear = d.noise.iter().filter(|n| n.taken);
     let mut warnings: Vec<Notice> = left_out

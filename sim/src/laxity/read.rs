@@ -338,7 +338,8 @@ fn quadriceps(row: &Row) -> Result<f64, LaxityError> {
 /// What stands for a knee of which nothing was cut.
 const WHOLE: [&str; 4] = ["intact", "none", "whole", "no"];
 
-/// Ligaments and bundles that were cut, in order, each once: "ACL+ALS" is both. An empty cell is as specimen.toml has `declared`.
+/// Ligaments and bundles that were cut, in order, each once: "ACL+ALS" is both. Without the column it is what specimen.toml has `declared`, and a column
+/// must say the same.
 fn without(row: &Row, declared: &[String]) -> Result<Vec<String>, LaxityError> {
     let text = row.text(WITHOUT_COLUMN);
     if text.contains(|c| ",;/&|".contains(c)) || text.split_whitespace().any(|word| word == "and") {
@@ -349,13 +350,21 @@ fn without(row: &Row, declared: &[String]) -> Result<Vec<String>, LaxityError> {
         let names: BTreeSet<&str> = names.map(str::trim).filter(is_cut).collect();
         names.into_iter().map(String::from).collect()
     };
-    let declared = in_order(&mut declared.iter().flat_map(|d| d.split(AND)));
     let own = in_order(&mut text.split(AND));
-    if !text.is_empty() && !declared.is_empty() && own != declared {
-        let said = declared.join(&AND.to_string());
-        return row.refuse(WITHOUT_COLUMN, &format!("\"{text}\", but specimen.toml declares without = {said}"));
+    if !own.is_empty() && own.len() < text.split(AND).map(str::trim).collect::<BTreeSet<_>>().len() {
+        return row
+            .refuse(WITHOUT_COLUMN, &format!("\"{text}\": a knee is whole or it is cut; expected names of ligaments"));
     }
-    Ok(if text.is_empty() { declared } else { own })
+    if declared.is_empty() {
+        return Ok(own);
+    }
+    let names = in_order(&mut declared.iter().flat_map(|d| d.split(AND)));
+    if row.columns.contains_key(WITHOUT_COLUMN) && own != names {
+        let said = declared.join(&AND.to_string());
+        let own = if text.is_empty() { "empty, as of a whole knee".to_owned() } else { format!("\"{text}\"") };
+        return row.refuse(WITHOUT_COLUMN, &format!("{own}, but specimen.toml declares without = {said}"));
+    }
+    Ok(names)
 }
 
 /// A file is of one state of the knee: frames, noise and conditions are those of a data set.
