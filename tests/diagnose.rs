@@ -445,7 +445,7 @@ fn what_was_measured_before_is_of_the_same_knee_and_nothing_is_sought_in_it() {
     let said = folder.path().join("said.csv");
     let rows = crate::common::text(&cut);
     let rows = rows.lines().enumerate().map(|(k, row)| format!("{row},{}\n", if k == 0 { "without" } else { "PCL" }));
-    crate::common::write(&said, &rows.collect::<String>());
+    crate::common::write(&said, rows.collect::<String>());
     let refused = asked(&[("--measured", &*whole), ("--before", &said)], "exchanged").assert().code(2);
     assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains("without PCL (column without)"));
     let missing = folder.path().join("no_such.csv");

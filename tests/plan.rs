@@ -249,13 +249,16 @@ fn a_graft_on_the_wrong_side_of_two_ligaments_or_in_another_unit_is_told() {
     let mut mixed = plan.clone();
     mixed.graft[0].tibia.native = Some("sMCL".into());
     assert!(told(&mixed)[0].contains("from the footprint of ACL on the femur to that of sMCL on the tibia"));
+    // a tenodesis
+    (mixed.graft[0].femur.native, mixed.graft[0].tibia.native) = (Some("LCL".into()), Some("ALS".into()));
+    assert!(told(&mixed).is_empty());
     for (slack, words) in [("3.1", "strained by"), ("200", "slack by")] {
         let told = told(&single("", &format!("slack_length_mm = {slack}")));
         assert!(told.len() == 1 && told[0].contains(words) && told[0].contains("mm apart in the CT pose"), "{told:?}");
     }
     let mut radians = plan;
-    radians.tests.flexions_deg = vec![0.5236];
-    assert_eq!(told(&radians), ["tests.flexions_deg is [0.5236]: radians? They are read as degrees"]);
+    radians.tests.flexions_deg = vec![0.35];
+    assert_eq!(told(&radians), ["tests.flexions_deg is [0.35]: radians? They are read as degrees"]);
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use super::file::{GraftFile, PERCENTS, PlanFile};
 use super::knee::{Placed, is_acl};
-use super::outcome::GraftTold;
 use super::sites::{ACL_PERCENT, Bone};
 use meshes::Point;
 use notices::{Kind, Notice};
+use sim::names::is_of;
 
 /// A moved site is told of where it went this much less far than it was asked to [mm]; ours: what a drill can be aimed by.
 const SHORT_MM: f64 = 1.0;
@@ -15,6 +15,16 @@ const STRAINS: std::ops::RangeInclusive<f64> = -0.25..=0.2;
 
 /// Where a graft's ends lie [%]: on the femur by the quadrant method, on the tibia of the plateau.
 pub(super) type Percents = [Option<[f64; 2]>; 2];
+
+/// How a graft runs.
+pub(super) struct Run {
+    /// Where it leaves the femur, the mean of its lines, CT frame [mm].
+    pub(super) femur_mm: [f64; 3],
+    /// Length between the bones in the CT pose [mm].
+    pub(super) length_mm: f64,
+    /// Slack length [mm].
+    pub(super) slack_mm: f64,
+}
 
 /// A site that was moved.
 struct Moved {
@@ -91,9 +101,9 @@ pub(super) fn moved_away(graft: &GraftFile, placed: &Placed, told: Percents) -> 
 }
 
 /// A graft that runs from the medial side in place of an ACL, between footprints of two ligaments, or that its slack length does not fit.
-pub(super) fn astray(femur: &Bone, (file, graft): (&PlanFile, &GraftFile), told: &GraftTold) -> Vec<Notice> {
+pub(super) fn astray(femur: &Bone, (file, graft): (&PlanFile, &GraftFile), run: &Run) -> Vec<Notice> {
     let name = &graft.name;
-    let lateral_mm = femur.lateral_mm(&Point::from(told.femur_mm));
+    let lateral_mm = femur.lateral_mm(&Point::from(run.femur_mm));
     let medial = (is_for_the_acl(file, graft) && lateral_mm < 0.0).then(|| {
         format!(
             "graft {name:?}: on the femur it begins {:.0} mm medial of the midline; an ACL begins on the lateral wall of the notch. Look at the signs \
@@ -101,26 +111,34 @@ pub(super) fn astray(femur: &Bone, (file, graft): (&PlanFile, &GraftFile), told:
             -lateral_mm
         )
     });
-    let of = [&graft.femur, &graft.tibia].map(|site| site.native.as_deref().map(ligament));
-    let mixed = of[0].zip(of[1]).filter(|(a, b)| a != b).map(|(a, b)| {
-        format!("graft {name:?}: it runs from the footprint of {a} on the femur to that of {b} on the tibia; expected those of one ligament")
+    let of = [&graft.femur, &graft.tibia].map(|site| site.native.as_deref());
+    let mixed = of[0].zip(of[1]).filter(|(a, b)| !run_together(a, b)).map(|(a, b)| {
+        format!(
+            "graft {name:?}: it runs from the footprint of {a} on the femur to that of {b} on the tibia; expected those of one ligament, or of \
+             ligaments of one side"
+        )
     });
-    let strain = told.length_mm / told.slack_length_mm - 1.0;
+    let strain = run.length_mm / run.slack_mm - 1.0;
     let unfit = graft.slack_length_mm.filter(|_| !STRAINS.contains(&strain)).map(|slack| {
         let what = if strain > 0.0 { "strained by" } else { "slack by" };
         format!(
             "graft {name:?}: slack_length_mm is {slack}, and its sites lie {:.1} mm apart in the CT pose: it is {what} {:.0} % there. A length in mm \
              was expected, near that",
-            told.length_mm,
+            run.length_mm,
             100.0 * strain.abs()
         )
     });
     [medial, mixed, unfit].into_iter().flatten().map(|text| Kind::GivenFar.notice(text)).collect()
 }
 
-/// The ligament of a footprint: `ACL` of `ACL_AM`.
-fn ligament(bundle: &str) -> &str {
-    bundle.split_once('_').map_or(bundle, |(ligament, _)| ligament)
+/// Ligaments between whose footprints a graft may run: a tenodesis goes from that of the LCL to that of the ALS.
+const TOGETHER: [&[&str]; 4] =
+    [&["ACL"], &["PCL"], &["sMCL", "dMCL", "POL", "PCAP_M"], &["LCL", "ALS", "PFL", "PCAP_L"]];
+
+/// Whether a graft may run between two footprints; of what nobody knows a graft may do so.
+fn run_together(femur: &str, tibia: &str) -> bool {
+    let group = |name: &str| TOGETHER.iter().position(|group| group.iter().any(|ligament| is_of(name, ligament)));
+    group(femur).zip(group(tibia)).is_none_or(|(a, b)| a == b)
 }
 
 /// Whether a graft stands for an ACL: by a native site, or by one that counts as an ACL's where only an ACL is cut.

@@ -1,6 +1,6 @@
 //! How likely a planned knee is like the intact one, and the test in which it is so least often.
 
-use super::file::PlanFile;
+use super::file::{GraftFile, PlanFile};
 use super::knee::Asked;
 use super::numbers::Numbers;
 use super::sampled::Sampled;
@@ -167,11 +167,15 @@ const RESISTS: [(&str, &str); 6] = [
     ("PFL", "varus"),
 ];
 
-/// The tests that a plan is about beside an ACL's, each once: by what is cut and by whose footprints grafts have.
+/// The tests that a plan is about beside an ACL's, each once: by what is cut, and by what a graft has both footprints of.
 fn asked_of(file: &PlanFile) -> Vec<&'static str> {
-    let sites = file.graft.iter().flat_map(|g| [&g.femur, &g.tibia]).filter_map(|site| site.native.as_ref());
-    let names: Vec<&String> = file.cut.iter().chain(sites).collect();
-    let is_meant = |ligament: &str| names.iter().any(|name| is_of(name, ligament));
+    let is_cut = |ligament: &str| file.cut.iter().any(|name| is_of(name, ligament));
+    let is_put_in = |ligament: &str| {
+        let ends =
+            |g: &GraftFile| [&g.femur, &g.tibia].map(|site| site.native.as_ref().is_some_and(|n| is_of(n, ligament)));
+        file.graft.iter().any(|g| ends(g) == [true; 2])
+    };
+    let is_meant = |ligament: &str| is_cut(ligament) || is_put_in(ligament);
     let mut out: Vec<&str> = RESISTS.iter().filter(|(ligament, _)| is_meant(ligament)).map(|(_, test)| *test).collect();
     out.dedup();
     out

@@ -2,7 +2,7 @@
 
 pub(super) mod borne;
 
-use super::astray::{Percents, astray, laid_on_the_wall, moved_away};
+use super::astray::{Percents, Run, astray, laid_on_the_wall, moved_away};
 use super::chances::{ChanceTold, chance_of, chances};
 use super::file::{GraftFile, PlanFile};
 use super::ground::{Before, Ground, Knee};
@@ -83,6 +83,10 @@ impl GraftTold {
     pub(super) fn percents(&self) -> Percents {
         [self.quadrant_percent, self.plateau_percent]
     }
+
+    fn run(&self) -> Run {
+        Run { femur_mm: self.femur_mm, length_mm: self.length_mm, slack_mm: self.slack_length_mm }
+    }
 }
 
 /// A test.
@@ -146,7 +150,8 @@ pub(super) fn outcome_on(ground: &Ground, before: &Before, (file, knee): (&PlanF
     notices.extend(file.graft.iter().zip(placed).filter_map(|(g, p)| laid_on_the_wall(g, p)));
     let moved = file.graft.iter().zip(placed).zip(&grafts);
     notices.extend(moved.flat_map(|((g, p), told)| moved_away(g, p, told.percents())));
-    notices.extend(file.graft.iter().zip(&grafts).flat_map(|(g, told)| astray(&ground.bones[0], (file, g), told)));
+    notices
+        .extend(file.graft.iter().zip(&grafts).flat_map(|(g, told)| astray(&ground.bones[0], (file, g), &told.run())));
     let (numbers, fault) = ground.numbers(before, knee);
     notices.extend(fault.map(|e| Kind::NoIntervals.notice(format!("no intervals: {e}"))));
     notices.extend(not_operated(&numbers));
