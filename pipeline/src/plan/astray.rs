@@ -100,15 +100,19 @@ pub(super) fn moved_away(graft: &GraftFile, placed: &Placed, told: Percents) -> 
     out
 }
 
-/// A graft that runs from the medial side in place of an ACL, between footprints of two ligaments, or that its slack length does not fit.
+/// A graft that runs from elsewhere than the notch's lateral wall in place of an ACL, between footprints of two ligaments, or that its slack length does not fit.
 pub(super) fn astray(femur: &Bone, (file, graft): (&PlanFile, &GraftFile), run: &Run) -> Vec<Notice> {
     let name = &graft.name;
-    let lateral_mm = femur.lateral_mm(&Point::from(run.femur_mm));
-    let medial = (is_for_the_acl(file, graft) && lateral_mm < 0.0).then(|| {
+    let begins = Point::from(run.femur_mm);
+    let lateral_mm = femur.lateral_mm(&begins);
+    let is_by_an_acl = graft.femur.native.as_deref().is_some_and(is_acl) || graft.femur.quadrant_percent.is_some();
+    let is_meant = if lateral_mm < 0.0 { is_for_the_acl(file, graft) } else { is_by_an_acl };
+    let off = (is_meant && !femur.is_by_the_wall(&begins)).then(|| {
         format!(
-            "graft {name:?}: on the femur it begins {:.0} mm medial of the midline; an ACL begins on the lateral wall of the notch. Look at the signs \
+            "graft {name:?}: on the femur it begins {:.0} mm {} of the midline; an ACL begins on the lateral wall of the notch. Look at the signs \
              of move_mm or point_mm",
-            -lateral_mm
+            lateral_mm.abs(),
+            if lateral_mm < 0.0 { "medial" } else { "lateral" }
         )
     });
     let of = [&graft.femur, &graft.tibia].map(|site| site.native.as_deref());
@@ -128,7 +132,7 @@ pub(super) fn astray(femur: &Bone, (file, graft): (&PlanFile, &GraftFile), run: 
             100.0 * strain.abs()
         )
     });
-    [medial, mixed, unfit].into_iter().flatten().map(|text| Kind::GivenFar.notice(text)).collect()
+    [off, mixed, unfit].into_iter().flatten().map(|text| Kind::GivenFar.notice(text)).collect()
 }
 
 /// Ligaments between whose footprints a graft may run: a tenodesis goes from that of the LCL to that of the ALS.

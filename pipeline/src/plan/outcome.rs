@@ -76,12 +76,15 @@ pub struct GraftTold {
     pub stiffness_n_per_mm: f64,
     /// The bundle whose fibres, force law and reference length it takes over; none: one line, with a toe and then its stiffness.
     pub like: Option<String>,
+    /// Where its ends lie by the grids of both bones, on the wall of the notch or not [%].
+    #[serde(skip)]
+    percents: Percents,
 }
 
 impl GraftTold {
     /// Where its ends lie by the quadrant method and of the plateau.
     pub(super) fn percents(&self) -> Percents {
-        [self.quadrant_percent, self.plateau_percent]
+        self.percents
     }
 
     fn run(&self) -> Run {
@@ -226,12 +229,14 @@ fn graft(file: &GraftFile, placed: &Placed, slack: f64, bones: &[Bone; 2]) -> Gr
         meshes::Point::from(sum / placed.ends.len().max(1) as f64)
     };
     let [femur, tibia] = [mean(0), mean(1)];
+    let percents = [rounded(bones[0].percent(&femur)), rounded(bones[1].percent(&tibia))];
     GraftTold {
         name: file.name.clone(),
         femur_mm: femur.coords.into(),
         tibia_mm: tibia.coords.into(),
-        quadrant_percent: rounded(bones[0].percent(&femur).filter(|_| bones[0].is_by_the_wall(&femur))),
-        plateau_percent: rounded(bones[1].percent(&tibia)),
+        quadrant_percent: percents[0].filter(|_| bones[0].is_by_the_wall(&femur)),
+        plateau_percent: percents[1],
+        percents,
         length_mm: mean_length(&placed.ends),
         slack_length_mm: slack,
         stiffness_n_per_mm: placed.stiffness,
