@@ -105,7 +105,7 @@ mod tests {
             "; did you mean sMCL or dMCL?",
             "of a few equals all, each once"
         );
-        assert_eq!(of(&["aMCL", "bMCL", "cMCL", "dMCL"]), "; did you mean aMCL?");
+        assert_eq!(of(&["aMCL", "bMCL", "dMCL", "eMCL"]), "; did you mean aMCL?", "of many the first");
         assert_eq!(of(&["patella"]), "");
         assert_eq!(nearest("edge", ["layers", "edge_length_mm"]), Some("edge_length_mm"));
         let told = with_suggestion("unknown field `fmur`, expected one of `femur`, `tibfib`");

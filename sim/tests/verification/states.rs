@@ -27,5 +27,5 @@ fn a_trial_of_a_cut_knee_is_that_of_the_model_without_the_ligament() {
     let result = TrialResult { trial, pose, forces_n: vec![], outputs: vec![], flags: vec![], bands: vec![] };
     assert_eq!(read(results_csv(&[], &[result]).as_bytes()).unwrap().trials[0].without, cut);
     let told = solve_trial(&model, &asked("x", &["ACXL".into()]), &options).unwrap_err().to_string();
-    assert!(told.contains("trial x: no bundle is named \"ACXL\""), "{told}");
+    assert!(told.contains("trial x: column \"without\": no bundle is named \"ACXL\""), "{told}");
 }
