@@ -9,6 +9,7 @@ use crate::session::Outcome;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{Coordinate, FREE, Free};
 use sim::flags::Flag;
+use sim::laxity::{WITHOUT_COLUMN, cut_cell};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -175,14 +176,15 @@ fn forces(found: &Calibrated, bundles: &[String]) -> String {
     out
 }
 
-/// fit.csv: measured, predicted by the model that is handed on, and their difference, a row a trial.
+/// fit.csv: measured, predicted by the model that is handed on, and their difference, a row a trial. Column `without` is there where a knee was cut.
 fn fit(outcome: &Outcome) -> String {
     let mut out = "trial,test,nominal_flexion_deg,fe_deg".to_owned();
     for c in FREE {
         let name = c.column();
         let _ = write!(out, ",measured_{name},predicted_{name},residual_{name}");
     }
-    out += ",flags\n";
+    let cut = outcome.trials.iter().any(|t| !t.without.is_empty());
+    let _ = writeln!(out, ",flags{}", if cut { format!(",{WITHOUT_COLUMN}") } else { String::new() });
     for (i, (t, p)) in outcome.trials.iter().zip(&outcome.found.predicted).enumerate() {
         let named = outcome.name_of(i);
         let name = if named.contains([',', '"']) { format!("\"{}\"", named.replace('"', "\"\"")) } else { named };
@@ -199,7 +201,8 @@ fn fit(outcome: &Outcome) -> String {
             );
         }
         let flag = outcome.found.elsewhere.contains(&i).then_some(Flag::Several);
-        let _ = writeln!(out, ",{}", flag.map_or(String::new(), |f| f.to_string()));
+        let _ = write!(out, ",{}", flag.map_or(String::new(), |f| f.to_string()));
+        let _ = writeln!(out, "{}", if cut { format!(",{}", cut_cell(&t.without)) } else { String::new() });
     }
     out
 }
@@ -222,7 +225,7 @@ fn points(found: &Calibrated, starts: bool) -> String {
 /// The figures of a calibration, for metrics.json.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationMetrics {
-    /// Cost of the calibrated model.
+    /// Cost of the calibrated model: the sum of cost.csv, and its square where a trial ends as far off as `cost.limit_mm` [andreassen2025].
     pub cost: f64,
     /// How many samples of equal weight the samples are worth by their importance weights [-]; `None` of a recipe and of too few.
     #[serde(default)]

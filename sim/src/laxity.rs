@@ -28,7 +28,7 @@ mod usual_tests;
 mod write;
 
 pub use between::{Named, against_model, between, repeated};
-pub use columns::LaxityError;
+pub use columns::{LaxityError, WITHOUT_COLUMN, cut_cell};
 pub use format::{Bone, Column, FullColumn, LaxityFormat, Readings};
 pub use read::{LaxityTable, read, read_as, read_asked};
 pub use sign_doubt::SignDoubt;

@@ -17,6 +17,9 @@ pub struct CrossPrediction {
     pub data: String,
     /// vv, ie or ap.
     pub coordinate: String,
+    /// Bundles and ligaments that were cut when it was measured.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without: Vec<String>,
     /// Flexion that the trials are filed under [deg].
     pub flexion_deg: f64,
     /// Least and most load along the coordinate [N m, N].
@@ -50,13 +53,27 @@ impl Range {
     pub fn loads(&self) -> [f64; 2] {
         self.change.trials.each_ref().map(|t| t.load[self.change.coordinate])
     }
+
+    /// What was cut at both its ends.
+    pub fn without(&self) -> &[String] {
+        &self.change.trials[1].without
+    }
+
+    /// In words: "AP at 30 deg without ACL".
+    pub fn in_words(&self) -> String {
+        let cut = match self.without() {
+            [] => String::new(),
+            cut => format!(" without {}", cut.join(" and ")),
+        };
+        format!("{} at {:.0} deg{cut}", self.change.coordinate.name().to_uppercase(), self.flexion_deg)
+    }
 }
 
 /// Loads closer than this are one [N m, N]; ours: ten times what a protocol's numbers are rounded to.
 const SAME_LOAD: f64 = 0.1;
 
 /// Ranges of a data set, at each flexion between the least and the most load along the coordinate that a test loads; of displacements, from the trial
-/// that they count from.
+/// that they count from. A data set is of one state of the knee.
 pub fn ranges(trials: &[LaxityTrial], options: &TargetOptions) -> Vec<Range> {
     let mut out: Vec<Range> = trials.iter().filter_map(|t| displaced(t, options)).collect();
     for c in [AP, IE, VV] {
@@ -142,6 +159,18 @@ mod tests {
     }
 
     #[test]
+    fn a_range_of_a_cut_knee_says_so() {
+        let mut trials = [trial(Test::Anterior, 30.0, 133.0, 16.0), trial(Test::Posterior, 30.0, -133.0, -3.5)];
+        assert_eq!(ranges(&trials, &TargetOptions::default())[0].in_words(), "AP at 30 deg");
+        trials.iter_mut().for_each(|t| t.without = vec!["ACL".into()]);
+        let found = ranges(&trials, &TargetOptions::default());
+        assert_eq!(
+            (found[0].in_words().as_str(), found[0].without()),
+            ("AP at 30 deg without ACL", &["ACL".to_owned()][..])
+        );
+    }
+
+    #[test]
     fn a_displacement_counts_from_its_own_trial() {
         let mut t = trial(Test::Anterior, 30.0, 133.0, 5.5);
         t.reference = Some(Reference { trial: "rest".into(), load: Load::default(), fe_deg: 30.0 });
@@ -156,6 +185,7 @@ mod tests {
             model: "a".into(),
             data: "b".into(),
             coordinate: "ap".into(),
+            without: vec![],
             flexion_deg: 30.0,
             loads: [-133.0, 133.0],
             measured,

@@ -9,6 +9,7 @@ use calibration::design::Design;
 use sim::coordinate::Free;
 use sim::flags::Flag;
 use sim::laxity::Test;
+use sim::laxity::{WITHOUT_COLUMN, cut_cell};
 use sim::spec::PoseSpec;
 
 /// A table as text.
@@ -60,21 +61,11 @@ pub fn tables(sources: &[Source]) -> Vec<Table> {
     vec![table4(sources), table5(sources), table6(sources), table7(sources)]
 }
 
-/// What models of single data sets predict of the others' laxity.
+/// What models of single data sets predict of the others' laxity. Column `without` is there where a knee was cut.
 pub fn cross_predictions(all: &[CrossPrediction]) -> Table {
-    let header = [
-        "model",
-        "data",
-        "change of",
-        "flexion [deg]",
-        "from",
-        "to",
-        "measured",
-        "predicted",
-        "lower",
-        "upper",
-        "inside",
-    ];
+    let told = ["model", "data", "change of", "flexion [deg]", "from", "to", "measured", "predicted", "lower", "upper"];
+    let cut = all.iter().any(|p| !p.without.is_empty());
+    let header: Vec<&str> = told.into_iter().chain(["inside"]).chain(cut.then_some(WITHOUT_COLUMN)).collect();
     let mut t = Table::new(
         "cross_prediction",
         "Laxity of one data set as predicted by the knee calibrated to another",
@@ -92,7 +83,8 @@ pub fn cross_predictions(all: &[CrossPrediction]) -> Table {
             to,
         ];
         row.extend([p.measured, p.predicted.mean, p.predicted.lower, p.predicted.upper].map(|x| format!("{x:.1}")));
-        row.push(if p.is_inside() { "yes" } else { "no" }.into());
+        row.push(yes(p.is_inside()));
+        row.extend(cut.then(|| cut_cell(&p.without)));
         t.rows.push(row);
     }
     t

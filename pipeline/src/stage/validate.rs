@@ -156,6 +156,9 @@ impl Stage for Validate {
     }
 }
 
+/// Why a range has no interval though the knee has its equilibria.
+const FEW_SAMPLES: &str = "fewer than two of its samples stay on the plateau at both loads";
+
 /// What each data set's knee predicts of the ranges that the others measured. Where it has no equilibrium under their loads, that is told.
 fn cross(
     calibration: &Calibration,
@@ -177,13 +180,17 @@ fn cross(
                 let mut alone = |(c, r): (&Change, &Range)| match predict(std::slice::from_ref(c)) {
                     Ok(band) => band.into_iter().next().flatten(),
                     Err(e) => {
-                        let place = format!("{} at {:.0} deg", c.coordinate.name().to_uppercase(), r.flexion_deg);
-                        lost.push((place, e.to_string()));
+                        lost.push((r.in_words(), e.to_string()));
                         None
                     }
                 };
                 changes.iter().zip(&ranges).map(&mut alone).collect()
             });
+            for (r, _) in ranges.iter().zip(&bands).filter(|(_, band)| band.is_none()) {
+                if lost.iter().all(|(place, _)| *place != r.in_words()) {
+                    lost.push((r.in_words(), FEW_SAMPLES.to_owned()));
+                }
+            }
             if let Some((_, why)) = lost.first() {
                 let places: Vec<&str> = lost.iter().map(|(place, _)| place.as_str()).collect();
                 let text = format!(
@@ -199,6 +206,7 @@ fn cross(
                     model: name.clone(),
                     data: data.clone(),
                     coordinate: r.change.coordinate.name().to_owned(),
+                    without: r.without().to_vec(),
                     flexion_deg: r.flexion_deg,
                     loads: r.loads(),
                     measured: r.measured,

@@ -52,10 +52,15 @@ impl LaxityError {
 
 /// Tension of the quadriceps [N], optional.
 pub(super) const QUADRICEPS_COLUMN: &str = "load_quadriceps_n";
-/// Ligaments and bundles that were cut, joined by [`AND`]; optional.
-pub(super) const WITHOUT_COLUMN: &str = "without";
+/// Ligaments and bundles that were cut, as [`cut_cell`] joins them; optional.
+pub const WITHOUT_COLUMN: &str = "without";
 /// Between two names of the column [`WITHOUT_COLUMN`].
 pub(super) const AND: char = '+';
+
+/// Names of what was cut as the column [`WITHOUT_COLUMN`] has them: `ACL+ALS`; empty for a whole knee.
+pub fn cut_cell(names: &[String]) -> String {
+    names.join(&AND.to_string())
+}
 
 /// Whether a column is what a model answered: the model's name, forces of bundles and groups, contact, what bodies tell of themselves, and bands of all these and of
 /// poses. It is passed over.

@@ -1,8 +1,8 @@
 //! The reader: every complaint names the row and the column.
 
 use super::columns::{
-    AND, LaxityError, QUADRICEPS_COLUMN, WITHOUT_COLUMN, is_comment, is_output, known_columns, required_columns,
-    sd_column,
+    AND, LaxityError, QUADRICEPS_COLUMN, WITHOUT_COLUMN, cut_cell, is_comment, is_output, known_columns,
+    required_columns, sd_column,
 };
 use super::differences;
 use super::format::{LaxityFormat, standard};
@@ -360,7 +360,7 @@ fn without(row: &Row, declared: &[String]) -> Result<Vec<String>, LaxityError> {
     }
     let names = in_order(&mut declared.iter().flat_map(|d| d.split(AND)));
     if row.columns.contains_key(WITHOUT_COLUMN) && own != names {
-        let said = declared.join(&AND.to_string());
+        let said = cut_cell(declared);
         let own = if text.is_empty() { "empty, as of a whole knee".to_owned() } else { format!("\"{text}\"") };
         return row.refuse(WITHOUT_COLUMN, &format!("{own}, but specimen.toml declares without = {said}"));
     }
@@ -370,7 +370,7 @@ fn without(row: &Row, declared: &[String]) -> Result<Vec<String>, LaxityError> {
 /// A file is of one state of the knee: frames, noise and conditions are those of a data set.
 fn of_one_state(trials: &[LaxityTrial]) -> Result<(), LaxityError> {
     let Some(other) = trials.iter().find(|t| t.without != trials[0].without) else { return Ok(()) };
-    let told = |t: &LaxityTrial| if t.without.is_empty() { "empty".into() } else { t.without.join(&AND.to_string()) };
+    let told = |t: &LaxityTrial| if t.without.is_empty() { "empty".into() } else { cut_cell(&t.without) };
     let what = format!(
         "{} where row {} has {}: a file is of one state of the knee; write a file of each, with a name of its own",
         told(other),

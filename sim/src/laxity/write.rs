@@ -1,6 +1,6 @@
 //! What a model answers, as CSV.
 
-use super::columns::{AND, QUADRICEPS_COLUMN, WITHOUT_COLUMN, required_columns, sd_column};
+use super::columns::{QUADRICEPS_COLUMN, WITHOUT_COLUMN, cut_cell, required_columns, sd_column};
 use super::{Branch, LaxityTrial};
 use crate::coordinate::{Coordinate, FREE, Free};
 use crate::flags::{Flag, sentences};
@@ -106,7 +106,7 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         cells.push(t.time_s.map(number).unwrap_or_default());
         cells.extend(displaced.then(|| from.map(|r| r.trial.trial.clone()).unwrap_or_default()));
         cells.extend(pulled.then(|| number(t.quadriceps_n)));
-        cells.extend(cut.then(|| t.without.join(&AND.to_string())));
+        cells.extend(cut.then(|| cut_cell(&t.without)));
         cells.extend(r.forces_n.iter().map(|v| number(*v)));
         cells.extend(output_cells(r, &outputs));
         cells.extend(band_cells(r, from, &banded));
@@ -139,7 +139,7 @@ pub fn trials_csv(trials: &[LaxityTrial]) -> String {
         cells.push(cell(&t.time_s));
         cells.extend(displaced.then(|| t.reference.as_ref().map(|r| r.trial.clone()).unwrap_or_default()));
         cells.extend(pulled.then(|| number(t.quadriceps_n)));
-        cells.extend(cut.then(|| t.without.join(&AND.to_string())));
+        cells.extend(cut.then(|| cut_cell(&t.without)));
         out += &line(&cells);
     }
     out
