@@ -11,7 +11,7 @@ use crate::effect::catalogue::Parameter;
 use crate::error::DiagnosisError;
 use crate::problem::covariance::Readings;
 use crate::problem::outlier::{Mixture, Weighed};
-use crate::problem::{Linear, Problem};
+use crate::problem::{Begin, Linear, Problem};
 use inference::least_squares::{Bounds, Quadratic, Stop, descend};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use sim::equilibrium::{Start, starts_of};
@@ -141,9 +141,9 @@ impl Data<'_> {
         &self,
         (hypothesis, weighing): (&[Candidate], Weighing),
         unknowns: Vec<f64>,
-        starts: &[Start],
+        begin: Begin,
     ) -> Result<State, DiagnosisError> {
-        let linear = self.problem.linear(hypothesis, &unknowns, starts)?;
+        let linear = self.problem.linear(hypothesis, &unknowns, begin)?;
         let residual = &self.readings.measured - self.readings.pick(&linear.value);
         let weighed = match weighing {
             Weighing::Mixed => self.mixture.weigh(&residual),
@@ -189,8 +189,8 @@ impl Data<'_> {
         self.held.iter().for_each(|&k| bounds[k] = Bounds { low: unknowns[k], high: unknowns[k] });
         let mut fault = DiagnosisError::Model("a fit has no start".into());
         let evaluate = |x: &DVector<f64>, last: Option<(&DVector<f64>, &State)>| {
-            let begin = last.map(|(_, here)| starts_of(&here.linear.rests));
-            let state = self.state(question, x.as_slice().to_vec(), begin.as_deref().unwrap_or(starts));
+            let begin = last.map_or(Begin::At(starts), |(_, here)| Begin::After(&here.linear));
+            let state = self.state(question, x.as_slice().to_vec(), begin);
             let state = state.map_err(|e| fault = e).ok()?;
             let (hessian, gradient) = self.quadratic(&state);
             Some((Quadratic { value: state.cost, gradient, hessian }, state))

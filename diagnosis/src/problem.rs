@@ -8,6 +8,7 @@ pub mod jacobian;
 pub mod noise;
 pub mod nuisance;
 pub mod outlier;
+mod rests;
 pub mod rim;
 pub mod trial;
 
@@ -19,6 +20,8 @@ use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
 use crate::problem::jacobian::Jacobian;
 use crate::problem::nuisance::Nuisances;
+use crate::problem::rests::Knee;
+pub use crate::problem::rests::{Begin, Linear};
 use crate::problem::trial::{NoiseScale, PER_UNIT, Source, at_row, row_of, trials};
 use calibration::design::Design;
 use calibration::options::CalibrateOptions;
@@ -104,47 +107,6 @@ enum Lost {
     Far,
     /// Where a hypothesis fits little, from [`FAR`] on, and no other rests are looked for; from [`LOST`] on elsewhere.
     FarWhereLittleFits,
-}
-
-/// The knee of a hypothesis.
-struct Knee<'a> {
-    /// The model with its ligaments.
-    models: Models,
-    /// What acts in each data set.
-    effects: Vec<Vec<Active>>,
-    /// The trials with its unloaded poses.
-    trials: Cow<'a, [Trial]>,
-    place: &'a Place,
-}
-
-impl Knee<'_> {
-    fn bench(&self, trial: &Trial) -> Bench<'_> {
-        let effects = trial.source.map_or(&[][..], |s| &self.effects[s]);
-        Bench { model: self.models.of(trial.source), effects, place: self.place }
-    }
-
-    /// Rests of its trials from nearby poses; the whole way where there is none.
-    fn rests(&self, starts: &[Start]) -> Vec<Equilibrium> {
-        if starts.is_empty() {
-            return walked(&self.trials, |i| self.bench(&self.trials[i]));
-        }
-        let rest = |(i, trial): (usize, &Trial)| {
-            let bench = self.bench(trial);
-            starts.get(i).map_or_else(|| bench.walk(trial), |start| bench.settle(trial, start))
-        };
-        self.trials.par_iter().enumerate().map(rest).collect()
-    }
-}
-
-/// Predictions and derivatives at an answer.
-#[derive(Clone, Debug)]
-pub struct Linear {
-    /// Five readings a trial [deg, mm].
-    pub value: Vec<f64>,
-    /// Derivatives by the unknowns: a row a reading.
-    pub jacobian: DMatrix<f64>,
-    /// Where each trial rests.
-    pub rests: Vec<Equilibrium>,
 }
 
 impl Problem {
@@ -417,39 +379,43 @@ impl Problem {
         unknowns: &[f64],
         starts: &[Start],
     ) -> Result<Vec<Equilibrium>, DiagnosisError> {
-        Ok(self.nearer_in(&self.knee(hypothesis, unknowns)?, starts))
+        Ok(self.nearer_in(&self.knee(hypothesis, unknowns)?, Begin::At(starts)).0)
     }
 
-    fn nearer_in(&self, knee: &Knee, starts: &[Start]) -> Vec<Equilibrium> {
-        let first = knee.rests(starts);
+    /// The rests, and for which trials one near the measured pose was sought in vain.
+    fn nearer_in(&self, knee: &Knee, begin: Begin) -> (Vec<Equilibrium>, Vec<bool>) {
+        let first = knee.rests(&begin.starts());
         // where a hypothesis explains little of data that the model fits little of, rests count as they are: looking for others would be most of the work
         let as_they_are = self.lost == Lost::FarWhereLittleFits && self.fits_little(&first);
         let lost = if as_they_are || self.lost == Lost::Far { FAR } else { LOST };
         let near = if as_they_are { FAR } else { NEAR };
         let nearer = |(i, first): (usize, Equilibrium)| {
-            if self.off(i, &first) > near { self.next_to(i, knee, first, (lost, as_they_are)) } else { first }
+            let quickly = as_they_are || begin.is_in_vain(i);
+            if self.off(i, &first) > near { self.next_to(i, knee, first, (lost, quickly)) } else { (first, false) }
         };
-        first.into_par_iter().enumerate().map(nearer).collect()
+        first.into_par_iter().enumerate().map(nearer).unzip()
     }
 
     /// The rest of trial `i` next to the measured pose, where that is much nearer than `first`; a knee that left the joint altogether may find back from the
-    /// measured pose, let go slowly, where there is time for that.
-    fn next_to(&self, i: usize, knee: &Knee, first: Equilibrium, (lost, quickly): (f64, bool)) -> Equilibrium {
+    /// measured pose, let go slowly, where there is time for that. With it whether that was sought in vain.
+    fn next_to(&self, i: usize, knee: &Knee, first: Equilibrium, (lost, quickly): (f64, bool)) -> (Equilibrium, bool) {
         let (trial, miss) = (&knee.trials[i], |rest: &Equilibrium| self.off(i, rest));
         let bench = knee.bench(trial);
         let nearer = |a: Equilibrium, b: Equilibrium| {
             if (b.balanced || !a.balanced) && miss(&b) < 0.5 * miss(&a) { b } else { a }
         };
-        let Some(held) = &self.held[i] else { return first };
+        let Some(held) = &self.held[i] else { return (first, false) };
         let second = nearer(first, bench.settle(trial, &held.start()));
         if miss(&second) <= lost {
-            return second;
+            return (second, false);
         }
-        if quickly {
-            return self.imagined(bench, trial, held);
+        if !quickly {
+            let third = nearer(second, bench.released(trial, &self.measured(trial), &held.start()));
+            if miss(&third) <= lost {
+                return (third, false);
+            }
         }
-        let third = nearer(second, bench.released(trial, &self.measured(trial), &held.start()));
-        if miss(&third) > lost { self.imagined(bench, trial, held) } else { third }
+        (self.imagined(bench, trial, held), true)
     }
 
     /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
@@ -487,15 +453,10 @@ impl Problem {
     }
 
     /// Predictions and derivatives by all unknowns of a hypothesis.
-    pub fn linear(
-        &self,
-        hypothesis: &[Candidate],
-        unknowns: &[f64],
-        starts: &[Start],
-    ) -> Result<Linear, DiagnosisError> {
+    pub fn linear(&self, hypothesis: &[Candidate], unknowns: &[f64], begin: Begin) -> Result<Linear, DiagnosisError> {
         let knee = self.knee(hypothesis, unknowns)?;
-        let rests = self.nearer_in(&knee, starts);
-        self.linear_in(&knee, hypothesis, unknowns, rests)
+        let (rests, in_vain) = self.nearer_in(&knee, begin);
+        Ok(Linear { in_vain, ..self.linear_in(&knee, hypothesis, unknowns, rests)? })
     }
 
     /// [`Problem::linear`] where the rests are known.
@@ -534,7 +495,7 @@ impl Problem {
             rows[i][c][d]
         });
         let value = rests.iter().flat_map(reading).collect();
-        Ok(Linear { value, jacobian, rests })
+        Ok(Linear { value, jacobian, in_vain: vec![false; rests.len()], rests })
     }
 }
 

@@ -5,9 +5,9 @@ use crate::common::shared;
 use calibration::options::CalibrateOptions;
 use diagnosis::effect::candidate::Candidate;
 use diagnosis::effect::catalogue::Catalogue;
-use diagnosis::problem::Problem;
 use diagnosis::problem::trial::Source;
 use diagnosis::problem::trial::row_of;
+use diagnosis::problem::{Begin, Problem};
 use diagnosis::report::scope_name;
 use diagnosis::search::{DiagnosisOptions, Searcher};
 use needs_shared::needs_shared;
@@ -36,7 +36,7 @@ fn question(hidden: &[(&str, &str, &[f64])]) -> Option<Problem> {
         hypothesis.push(problem.candidates().into_iter().find(is_it).unwrap());
         unknowns.extend_from_slice(sizes);
     }
-    let readings = problem.linear(&hypothesis, &unknowns, &[]).unwrap().value;
+    let readings = problem.linear(&hypothesis, &unknowns, Begin::At(&[])).unwrap().value;
     let mut random = ChaCha8Rng::seed_from_u64(11);
     // the sum of four uniform numbers, of standard deviation 1
     let mut noise = || (0..4).map(|_| random.random::<f64>() - 0.5).sum::<f64>() * 3f64.sqrt();

@@ -8,10 +8,10 @@ use crate::effect::catalogue::Catalogue;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::fit::screen::{Marginal, signatures};
-use crate::problem::Problem;
 use crate::problem::covariance::{Readings, covariance, remainders};
 use crate::problem::outlier::Mixture;
 use crate::problem::trial::Source;
+use crate::problem::{Begin, Problem};
 use crate::report::{NotTestable, scope_name};
 use crate::search::DiagnosisOptions;
 use calibration::options::CalibrateOptions;
@@ -102,7 +102,7 @@ impl AtlasRow {
 /// The model as given, and the scatter of its readings.
 fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DMatrix<f64>), DiagnosisError> {
     let unknowns = vec![0.0; problem.nuisances()];
-    let linear = problem.linear(&[], &unknowns, &[])?;
+    let linear = problem.linear(&[], &unknowns, Begin::At(&[]))?;
     let starts = starts_of(&linear.rests);
     let extra = remainders(problem, &starts, options.draws, &options.floor)? * options.floor.nonlinear.powi(2);
     let cov = covariance(problem, &[], &unknowns, &linear.rests, &options.floor)? + extra;

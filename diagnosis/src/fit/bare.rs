@@ -18,7 +18,7 @@ pub(crate) fn fit(hypothesis: Vec<Candidate>) -> Fit {
         hypothesis,
         unknowns: vec![],
         means: vec![],
-        linear: Linear { value: vec![], jacobian: DMatrix::zeros(0, 0), rests: vec![] },
+        linear: Linear { value: vec![], jacobian: DMatrix::zeros(0, 0), rests: vec![], in_vain: vec![] },
         residual: DVector::zeros(0),
         misfit: 0.0,
         outliers: vec![],

@@ -6,9 +6,9 @@
 use crate::criteria::contradicted;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::problem::Problem;
 use crate::problem::covariance::Readings;
 use crate::problem::trial::row_of;
+use crate::problem::{Begin, Problem};
 use crate::search::{Search, Searcher, TRIES};
 use inference::trial::Trial;
 use nalgebra::{DMatrix, DVector};
@@ -116,7 +116,7 @@ pub(crate) fn contradictions(
     let given = given(&fit.residual, &search.readings.block_of(&search.covariance));
     // where the knee itself rests: next to a reading that no knee gives, another stiffness would stand in for its own
     let problem = searcher.problem.clone().with_far_rests(true);
-    let linear = problem.linear(&fit.hypothesis, &fit.unknowns, &[])?;
+    let linear = problem.linear(&fit.hypothesis, &fit.unknowns, Begin::At(&[]))?;
     let residual = &search.readings.measured - search.readings.pick(&linear.value);
     let fit = &Fit { linear, residual, ..fit.clone() };
     let searcher = &Searcher { problem: &problem, options: searcher.options };

@@ -6,6 +6,7 @@ use crate::effect::candidate::{Candidate, Scope, sized};
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::fit::screen::Marginal;
+use crate::problem::Begin;
 use crate::problem::covariance::Readings;
 use crate::problem::outlier::Mixture;
 use nalgebra::DMatrix;
@@ -185,7 +186,7 @@ impl Searcher<'_> {
         unknowns: Vec<f64>,
         readings: &Readings,
     ) -> Result<Fit, DiagnosisError> {
-        let linear = self.problem.linear(hypothesis, &unknowns, &[])?;
+        let linear = self.problem.linear(hypothesis, &unknowns, Begin::At(&[]))?;
         Ok(Fit {
             hypothesis: hypothesis.to_vec(),
             residual: &readings.measured - readings.pick(&linear.value),
