@@ -21,7 +21,7 @@ const FLEXIONS_DEG: [f64; 5] = [0.0, 15.0, 30.0, 60.0, 90.0];
 /// The pivot shift: flexion [deg], valgus and internal moment [N m]; the paper's.
 const PIVOT: (f64, f64, f64) = (30.0, 8.0, 4.0);
 /// Fewer samples tell no correlation [-]; ours: each is predicted by the others.
-const LEAST_SAMPLES: usize = 8;
+pub const LEAST_SAMPLES: usize = 8;
 /// A test in which more of the samples than this leave the plateau is not thought of [-]: its reading is none of this knee.
 const MOST_LEAVING: f64 = 0.1;
 

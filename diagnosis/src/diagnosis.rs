@@ -16,9 +16,9 @@ use crate::report::carried::carried;
 use crate::report::component::{Component, Provenance, augmented, components};
 use crate::report::detection::limits_of_detection;
 use crate::report::excluded::may_be_torn;
-use crate::report::jumped::{Jumped, jumped};
 use crate::report::not_excluded::not_excluded;
 use crate::report::preparation::prepared;
+use crate::report::set_aside::set_aside;
 use crate::report::unexplained::unexplained;
 use crate::report::verdict::{Candidature, by_names, temper, verdict, weights};
 use crate::search::contradiction::contradictions;
@@ -268,6 +268,7 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
         description: String::new(),
         before: names_before(problem),
         left_out: crate::report::left_out(problem),
+        set_aside: set_aside(problem, search),
         contradictions: contradictions(searcher, search, shown, verdict == Verdict::Unnamed)?,
         unexplained: unexplained(searcher, search, (before, judged.exchanged()), judged.each.as_deref())?,
         not_excluded: not_excluded(searcher, search, verdict, &may_be_torn)?,
@@ -298,9 +299,7 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
     outcome.add(problem, spec, [&search.base, best], temper(searcher, best))?;
     // what is told in words is all that is missing, not what the best answer leaves
     let told = if verdict == Verdict::Unnamed { &judged.alone.0 } else { field };
-    let jumped: Vec<String> = jumped(problem, search).iter().map(Jumped::words).collect();
-    outcome.diagnosis.description =
-        crate::report::words::description(problem, &outcome.diagnosis, told, search, &jumped);
+    outcome.diagnosis.description = crate::report::words::description(problem, &outcome.diagnosis, told, search);
     outcome.diagnosis.plain = crate::report::plain::plain(&problem.catalogue, &outcome.diagnosis);
     Ok(outcome)
 }

@@ -5,12 +5,12 @@ pub mod carried;
 pub mod component;
 pub mod detection;
 pub mod excluded;
-pub(crate) mod jumped;
 pub mod not_excluded;
 pub(crate) mod plain;
 pub mod plain_unnamed;
 pub mod predict;
 pub mod preparation;
+pub(crate) mod set_aside;
 pub(crate) mod unexplained;
 pub(crate) mod verdict;
 pub mod words;
@@ -249,6 +249,20 @@ pub struct NotTestable {
     pub why: String,
 }
 
+/// A trial that jumped: it was set aside.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SetAside {
+    /// The trial, with its reading that is furthest off.
+    pub at: Witness,
+    /// The coordinate of that reading: vv, ie, ml, ap or si.
+    pub dof: String,
+    /// What the best hypothesis reads there [deg or mm].
+    pub expected: f64,
+    /// Standard deviation of such readings, noise and floor [deg or mm].
+    pub sd: f64,
+}
+
 /// Two trials that may have been mixed up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -431,6 +445,9 @@ pub struct Diagnosis {
     /// Trials that were left out, where there are such.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<LeftOut>,
+    /// Trials that neither nothing missing nor the best hypothesis explains, where there are such: they were set aside.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub set_aside: Vec<SetAside>,
     /// Data sets that were measured before what is asked about.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub before: Vec<String>,

@@ -5,6 +5,7 @@ use crate::calibrate::Watch;
 use crate::cohort::shared;
 use crate::diagnosis_files::{DIAGNOSIS, PAGE, as_json, files_of, of_cut_knees, prepared};
 use crate::error::{BuildError, Place};
+use crate::given;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{BuildOptions, Override, deaf, only, parse_override, resolve};
 use crate::record::hash;
@@ -19,6 +20,7 @@ use calibration::options::{CalibrateOptions, Method};
 use clap::Args;
 use diagnosis::diagnosis::{Calibration, Diagnosis, Outcome, diagnose_beside};
 use diagnosis::effect::catalogue::Catalogue;
+use diagnosis::error::DiagnosisError;
 use diagnosis::problem::trial::Source;
 use diagnosis::report::component::Provenance;
 use diagnosis::search::DiagnosisOptions;
@@ -27,8 +29,11 @@ use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
+use sim::Model;
+use sim::laxity::Named;
 use sim::names::{did_you_mean, is_of};
 use sim::spec::CalibratedSpec;
+use sim::trials::cannot_be_put;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -127,6 +132,7 @@ pub fn run_beside(
         }
         sources.push(s);
     }
+    each_its_own(&sources)?;
     let loaded = model_file::load_which(&args.model, &args.which)?;
     let told = Told { models: vec![loaded.told()], ..Told::words(loaded.line()).odd(odd) };
     let tell = |words: String, page: &str, json: &[u8]| {
@@ -141,16 +147,20 @@ pub fn run_beside(
         };
         Told { words: told.words.clone() + &words, ..told.clone() }.with(&data)
     };
-    let fault = |e: &dyn std::fmt::Display| BuildError::in_file(&args.model, e);
+    let fault = |e: DiagnosisError| match e {
+        DiagnosisError::Data(_) => BuildError::File(e.to_string()),
+        e => BuildError::in_file(&args.model, e),
+    };
     let calibrate = calibrate_options(args, &loaded)?;
-    let model = prepared(&loaded, &calibrate).map_err(|e| fault(&e))?;
+    let model = prepared(&loaded, &calibrate).map_err(fault)?;
+    fits_the_model(args, &model, &sources)?;
     let catalogue = catalogue(&args.without_effect)?;
     let provenance = provenance(args, &loaded, &catalogue)?;
     if args.atlas {
         calibrated_first(args, &loaded)?;
         let atlas =
             diagnosis::diagnosis::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, (options, &calibrate))
-                .map_err(|e| fault(&e))?;
+                .map_err(fault)?;
         let json = as_json(&atlas)?;
         let page = diagnosis_page::atlas(&loaded.spec.id, &atlas);
         let files = [("atlas.json".to_owned(), json.clone()), ("atlas.html".to_owned(), page.into_bytes())];
@@ -162,7 +172,7 @@ pub fn run_beside(
     let (mut outcome, regret) =
         diagnose_beside(&model, &loaded.spec, &sources, &catalogue, options, calibration, truth)
             .and_then(|(outcome, regret)| Ok((outcome.with_provenance(&provenance)?, regret)))
-            .map_err(|e| fault(&e))?;
+            .map_err(fault)?;
     for words in of_cut_knees(&sources) {
         outcome.diagnosis.plain += &format!("\n{words}");
     }
@@ -265,6 +275,30 @@ fn provenance(args: &DiagnoseArgs, loaded: &LoadedModel, catalogue: &Catalogue) 
 /// Ending of the name of a data set that was measured before.
 const BEFORE: &str = "_before";
 
+/// Refuses one file that is given as two data sets.
+fn each_its_own(sources: &[Source]) -> Result<(), BuildError> {
+    let sets: Vec<Named> = sources.iter().map(|s| (s.name.as_str(), &s.trials[..])).collect();
+    given::twice(&sets).map_or(Ok(()), |what| Err(BuildError::Usage(what)))
+}
+
+/// Refuses trials of what the model does not have, and, but for an atlas, a data set without any reading; each by its file.
+fn fits_the_model(args: &DiagnoseArgs, model: &Model, sources: &[Source]) -> Result<(), BuildError> {
+    let files = args.measured.iter().chain(&args.before).map(|(_, path)| path);
+    for (source, path) in sources.iter().zip(files) {
+        let is_read = source.trials.iter().any(|t| t.measured.iter().any(Option::is_some));
+        let empty = (!is_read && !args.atlas).then(|| {
+            format!(
+                "no row of {} has a reading, so it says nothing; expected poses, such as ap_mm, or leave it out",
+                source.name
+            )
+        });
+        if let Some(what) = cannot_be_put(model, &source.trials).or(empty) {
+            return Err(BuildError::in_file(path, what));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses a knee that was less whole before than it is now: what was cut does not grow again.
 fn grown_again(before: &[Source], now: &[Source]) -> Result<(), BuildError> {
     let of = |s: &Source| s.trials.first().map_or(vec![], |t| t.without.clone());
@@ -299,7 +333,7 @@ pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, Vec<Notic
             let file = path.display().to_string();
             BuildError::at(Place::in_laxity(&file, &e), format!("{file}: {e}"))
         })?;
-        odd.extend(table.warnings.into_iter().map(|w| w.in_file(&path.display().to_string())));
+        odd.extend(given::told(&path.display().to_string(), &table));
         sources.push(Source::new(name, table.trials));
     }
     Ok((sources, odd))

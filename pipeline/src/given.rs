@@ -170,8 +170,8 @@ pub fn twice(sets: &[Named]) -> Option<String> {
 /// Warnings of a reader that a build repeats; `check` has the rest.
 const REPEATED: usize = 5;
 
-/// What a build says of a laxity file: what the reader found odd, and what looks turned, zeroed or scaled.
-fn told(path: &str, table: &sim::laxity::LaxityTable) -> Vec<Notice> {
+/// What a build or a diagnosis says of a laxity file: what the reader found odd, and what looks turned, zeroed or scaled.
+pub(crate) fn told(path: &str, table: &sim::laxity::LaxityTable) -> Vec<Notice> {
     let doubts = sim::laxity::sign_doubts(&table.trials).into_iter().map(SignDoubt::notice);
     let mut all: Vec<Notice> = doubts.chain(table.warnings.iter().take(REPEATED).cloned()).collect();
     if table.warnings.len() > REPEATED {

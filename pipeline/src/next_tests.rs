@@ -11,14 +11,14 @@ use crate::which_model::WhichModel;
 use attachments::groups::{GROUPS, ligament_called};
 use calibration::error::CalibrationError;
 use calibration::targets::TargetOptions;
-use calibration::test_set::{Asking, Candidate, Chosen, TestSet, Wanted, test_set};
+use calibration::test_set::{Asking, Candidate, Chosen, LEAST_SAMPLES, TestSet, Wanted, test_set};
 use clap::Args;
 use notices::{Kind, Notice};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sim::coordinate::{Coordinate, FREE, Free, Load, SI};
 use sim::laxity::{LaxityTrial, Test, trials_csv};
-use sim::names::did_you_mean;
+use sim::names::{did_you_mean, is_of};
 use sim::protocols::COMPRESSION_N;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -126,6 +126,7 @@ pub fn next_tests(args: &NextTestsArgs) -> Result<Told, BuildError> {
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
     let noise = noise(args)?;
+    is_asked_for(args)?;
     let loaded = model_file::load_which(&args.model, &args.which)?;
     let (samples, mut notices) = bands::of(&loaded)?;
     let Some(samples) = samples else {
@@ -166,6 +167,21 @@ pub fn next_tests(args: &NextTestsArgs) -> Result<Told, BuildError> {
         notices: notices.clone(),
     };
     Ok(Told::words(words(&found, &loaded, args)).odd(notices).with(&data))
+}
+
+/// Refuses too few samples, and the force of what is cut.
+fn is_asked_for(args: &NextTestsArgs) -> Result<(), BuildError> {
+    if args.samples < LEAST_SAMPLES {
+        return Err(BuildError::Usage(format!("--samples {}: at least {LEAST_SAMPLES} tell a spread", args.samples)));
+    }
+    let name = ligament_called(&args.wanted);
+    match args.without.iter().find(|cut| is_of(name, ligament_called(cut))) {
+        Some(cut) => Err(BuildError::Usage(format!(
+            "--for {}: --without {cut} cuts it, so it bears nothing; ask for another force, for drawer or for pivot-shift",
+            args.wanted
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// The noise of a reading, coordinate by coordinate.

@@ -199,8 +199,11 @@ pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -
 /// What is said of the first trial that asks for what the model does not have, with its row; none where each can be put to it.
 pub fn cannot_be_put<'a>(model: &Model, trials: impl IntoIterator<Item = &'a LaxityTrial>) -> Option<String> {
     trials.into_iter().find_map(|trial| {
-        let e = model.in_trial(trial).err()?;
-        Some(format!("row {} ({}): {e}", trial.row.unwrap_or(0), trial.trial))
+        let what = match model.in_trial(trial).err()? {
+            SimError::Input(what) => what,
+            e => e.to_string(),
+        };
+        Some(format!("row {} ({}): {what}", trial.row.unwrap_or(0), trial.trial))
     })
 }
 

@@ -63,6 +63,9 @@ pub struct NoiseScale {
     pub taken: bool,
 }
 
+/// Trials that a diagnosis needs at least [-]; ours.
+const LEAST: usize = 4;
+
 /// All trials of all data sets, in the order given; `usual` is the measurement noise where a file gives none: VV, IE [deg], ML, AP, SI [mm].
 ///
 /// Errors: no data set, fewer than four trials in all, a noise of zero.
@@ -91,10 +94,11 @@ pub fn trials(sources: &[Source], usual: &Free<f64>) -> Result<Vec<Trial>, Diagn
             "no data set to ask about: all of them were measured before; give what was measured since".into(),
         ));
     }
-    if out.len() < 4 {
+    if out.len() < LEAST {
         return Err(DiagnosisError::Data(format!(
-            "{} trials with a measured coordinate in all data sets, at least 4 are needed",
-            out.len()
+            "{} with a measured coordinate in {}, at least {LEAST} are needed; add trials",
+            if out.len() == 1 { "1 trial".to_owned() } else { format!("{} trials", out.len()) },
+            sources.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(" and ")
         )));
     }
     Ok(out)

@@ -1,17 +1,19 @@
 //! The answer in plain words, before any number of statistics: what it means, and what would tell.
 
+mod clauses;
 mod none;
 
 use crate::effect::catalogue::Catalogue;
 use crate::fit::next_test::NextTest;
-use crate::fit::share_at_whole;
 use crate::report::not_excluded::in_words;
 use crate::report::plain_unnamed::{
     closing, closing_most, contradictions, contradictions_beside, leaves_most, meaning, noise,
 };
-use crate::report::words::{figures, from_before, next_tells, with_unit};
-use crate::report::{Answer, Carried, Diagnosis, LeftOut, Named, Verdict};
-use none::{nothing, open_tears};
+use crate::report::set_aside::in_words as trial_in_words;
+use crate::report::words::{figures, from_before, next_tells};
+use crate::report::{Answer, Carried, Diagnosis, LeftOut, SetAside, Verdict};
+use clauses::{bare, capital, effect};
+use none::{nearest, nothing, open_tears};
 use std::fmt::Write;
 
 /// Expected log odds below which no single test is worth calling one that would tell [nats]: odds of less than three to one.
@@ -22,10 +24,13 @@ const LACHMAN_DEG: f64 = 30.0;
 /// drawer [sakane1997].
 const UNLIKELY_N: f64 = 267.0;
 
+/// Trials that are told by their rows in the head, at most [-].
+const ROWS_IN_HEAD: usize = 3;
+
 /// The head of a diagnosis in plain words: what it means first; then a line for each thing to know or to do.
 pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let mut out = match d.verdict {
-        Verdict::None => nothing(d),
+        Verdict::None => nothing(d) + &line(&nearest(catalogue, d)),
         Verdict::Unnamed => unnamed(catalogue, d),
         _ => named(catalogue, d),
     };
@@ -40,6 +45,7 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
         Verdict::Unnamed => {}
         _ => out += &contradictions_beside(&d.contradictions),
     }
+    out += &line(&set_aside(&d.set_aside));
     // beside an answer, what is rough may be the answer's own
     if d.answers.is_empty() {
         out += &noise(&d.noise);
@@ -97,8 +103,7 @@ fn at_the_bench(catalogue: &Catalogue, d: &Diagnosis) -> String {
 }
 
 fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
-    let bare = |words: String| words.trim_start_matches("there is").trim_start_matches([':', ' ']).to_owned();
-    let near: Vec<String> = d.best.iter().map(|e| bare(effect(catalogue, e))).collect();
+    let near: Vec<String> = d.best.iter().map(|e| bare(catalogue, e)).collect();
     let mut out = meaning(d);
     if !near.is_empty() {
         let _ = write!(out, "\nThe nearest, though not good enough: {}{}.", near.join(", with "), closing(d));
@@ -107,7 +112,7 @@ fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let others: Vec<String> = closing_most(d)
         .into_iter()
         .map(|(effects, share)| {
-            let names: Vec<String> = effects.iter().map(|e| bare(effect(catalogue, e))).collect();
+            let names: Vec<String> = effects.iter().map(|e| bare(catalogue, e)).collect();
             format!("{} ({:.0} %)", names.join(", with "), 100.0 * share)
         })
         .collect();
@@ -115,6 +120,19 @@ fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
         let _ = write!(out, "\nOf what is less likely, these close most of that gap: {}.", others.join("; or "));
     }
     out
+}
+
+/// Trials that jumped, with what to do: so many by their rows.
+fn set_aside(of: &[SetAside]) -> String {
+    if of.is_empty() {
+        return String::new();
+    }
+    let told: Vec<String> = of.iter().take(ROWS_IN_HEAD).map(trial_in_words).collect();
+    let more = match of.len() - told.len() {
+        0 => String::new(),
+        n => format!("; and {n} more"),
+    };
+    format!("Set aside, as if they had jumped: {}{more}. Look at their records, or repeat them.", told.join("; "))
 }
 
 /// That trials were left out, and how many.
@@ -128,45 +146,6 @@ fn left_out(of: &LeftOut) -> String {
 
 fn answer(catalogue: &Catalogue, a: &Answer) -> String {
     a.effects.iter().map(|e| effect(catalogue, e)).collect::<Vec<_>>().join(", and ")
-}
-
-/// An effect as a clause.
-fn effect(catalogue: &Catalogue, e: &Named) -> String {
-    let place = if e.scope == "both" { String::new() } else { format!(" in {}", e.scope) };
-    let Ok((found, _)) = catalogue.find(&e.effect) else { return format!("{}{place}", e.effect) };
-    let about = e.variant.as_deref().filter(|v| !v.starts_with("about ")).unwrap_or("ligament");
-    let share = found.parameter.iter().find_map(|p| Some((e.parameters.get(&p.key)?, p, p.whole?)));
-    if let Some((value, of, whole)) = share {
-        let (low, high) = value.interval(Some(of));
-        let percent = |x: f64| 100.0 * x / whole;
-        return if high >= whole {
-            let weight = share_at_whole((value.value, value.sd), of).unwrap_or_default();
-            format!(
-                "the {about} is torn{place} (weight of a whole tear: {weight:.2}), or has lost {:.0} % or more of what it carries",
-                percent(low)
-            )
-        } else {
-            format!("the {about} has lost {:.0} to {:.0} % of what it carries{place}", percent(low), percent(high))
-        };
-    }
-    if found.id == "attachment" {
-        let off = e.parameters.values().map(|v| v.value * v.value).sum::<f64>().sqrt();
-        return format!("the {about} is attached {off:.0} mm from where the model has it");
-    }
-    let main = found
-        .parameter
-        .iter()
-        .filter(|p| !p.shape)
-        .filter_map(|p| e.parameters.get(&p.key))
-        .max_by(|a, b| (a.value / a.sd).abs().total_cmp(&(b.value / b.sd).abs()));
-    let size = main.map_or(String::new(), |v| format!(" ({})", with_unit(v.value, &v.unit)));
-    let article = if found.title.starts_with("a ") { "there is" } else { "there is:" };
-    format!("{article} {}{place}{size}", found.title)
-}
-
-fn capital(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// The test that would tell, where an answer is open.
@@ -212,7 +191,8 @@ fn unlikely(forces: &[Carried]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::{MayBeTorn, Tried, Unexplained, Value};
+    use crate::report::{MayBeTorn, Named, Tried, Unexplained, Value};
+    use crate::search::contradiction::Witness;
 
     fn lost(structure: &str, value: f64, sd: f64) -> Named {
         let parameters = [("loss".to_owned(), Value { value, sd, unit: "-".into() })].into();
@@ -288,6 +268,7 @@ mod tests {
             wildcard_alone: None,
             exchanged: None,
             left_out: None,
+            set_aside: vec![],
             before: vec![],
             contradictions: vec![],
             unexplained: None,
@@ -302,6 +283,43 @@ mod tests {
 
     fn head(d: &Diagnosis) -> String {
         plain(&Catalogue::shipped(), d)
+    }
+
+    #[test]
+    fn a_trial_that_jumped_and_the_nearest_effect_stand_in_the_head() {
+        let at = Witness {
+            source: "kla".into(),
+            row: Some(9),
+            trial: "Posterior_60deg".into(),
+            flexion_deg: 60.0,
+            loads: std::collections::BTreeMap::new(),
+            value: 17.6,
+        };
+        let jumped = SetAside { at, dof: "ap".into(), expected: 11.6, sd: 0.5 };
+        let told = head(&Diagnosis { set_aside: vec![jumped.clone()], ..none(vec![]) });
+        assert!(
+            told.contains("\nSet aside, as if they had jumped: row 9 of kla (Posterior_60deg) reads 17.6 mm"),
+            "{told}"
+        );
+        let many = head(&Diagnosis { set_aside: vec![jumped; 5], ..none(vec![]) });
+        assert!(many.contains("; and 2 more. Look at their records"), "{many}");
+        let size = [("fe_deg".to_owned(), Value { value: 4.7, sd: 1.2, unit: "deg".into() })].into();
+        let offset = Named { effect: "flexion_offset".into(), scope: "rks".into(), variant: None, parameters: size };
+        let nearest = |earned| {
+            let (best, best_log_bayes_factor) = (vec![offset.clone()], Some(earned));
+            head(&Diagnosis { best, best_log_bayes_factor, ..none(vec![]) })
+        };
+        let told = nearest(4.2);
+        assert!(
+            told.contains("\nOf all effects the nearest is: offset of recorded flexion in rks (4.70 deg)."),
+            "{told}"
+        );
+        assert!(
+            told.contains("67 to 1 likelier") && told.contains("a name takes 148 to 1. To look at, at the bench: "),
+            "{told}"
+        );
+        // what is hardly likelier than nothing is not told
+        assert!(!nearest(2.0).contains("nearest"));
     }
 
     #[test]

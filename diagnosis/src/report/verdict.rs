@@ -118,8 +118,10 @@ impl Grounds {
         if self.is_named {
             return !self.against().is_empty();
         }
-        let loud = (1.0 + self.excess / self.readings).max(1.0);
-        self.field > discrepancy() * loud || self.exchanged > mixed_up() || self.deviations() > BEYOND_DOUBT_DEVIATIONS
+        let loud = 1.0 + self.excess / self.readings;
+        // where no more is left than noise and floor explain, a field must be as sure as a decisive answer
+        let least = if loud > 1.0 { discrepancy() * loud } else { decided() };
+        self.field > least || self.exchanged > mixed_up() || self.deviations() > BEYOND_DOUBT_DEVIATIONS
     }
 
     /// What stands against the answer; nothing where it may be named.
@@ -399,11 +401,15 @@ mod tests {
 
     #[test]
     fn a_field_alone_must_earn_as_much_as_beside_a_name() {
-        let nothing = Grounds { is_named: false, ..CLEAN };
+        let nothing = Grounds { is_named: false, excess: 1.0, ..CLEAN };
         assert_eq!(judged(Grounds { field: 4.4, ..nothing }), Verdict::None);
         assert_eq!(judged(Grounds { field: 4.6, ..nothing }), Verdict::Unnamed);
         // where nothing missing leaves more than it should, the data speak less loud
         assert_eq!(judged(Grounds { field: 4.6, excess: 70.0, ..nothing }), Verdict::None);
+        // where it leaves less than noise and floor do, a field of a few nats is theirs
+        let quiet = Grounds { excess: -30.0, ..nothing };
+        assert_eq!(judged(Grounds { field: 12.0, ..quiet }), Verdict::None);
+        assert_eq!(judged(Grounds { field: 31.0, ..quiet }), Verdict::Unnamed);
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! What `none` means, in plain words: whether all is explained, and which tears such trials leave open.
 
-use crate::report::not_excluded::fits_best;
+use super::clauses::bare;
+use crate::criteria::told_apart;
+use crate::effect::catalogue::Catalogue;
+use crate::report::not_excluded::{fits_best, to_one};
 use crate::report::words::{listed, place_of};
 use crate::report::{Diagnosis, MayBeTorn};
 use std::fmt::Write;
@@ -17,6 +20,23 @@ pub(super) fn nothing(d: &Diagnosis) -> String {
         None if !better.is_empty() => better,
         None => "Nothing is missing from the model that these trials show.".to_owned(),
     }
+}
+
+/// The effect that comes nearest to a name, where these trials make it as much likelier than nothing as a finding that is taken for sure; its bench check. Tears
+/// are told by themselves.
+pub(super) fn nearest(catalogue: &Catalogue, d: &Diagnosis) -> String {
+    let earned = d.best_log_bayes_factor.unwrap_or_default();
+    if earned < told_apart() || d.best.iter().all(|e| e.effect == "structure_loss") {
+        return String::new();
+    }
+    let effects: Vec<String> = d.best.iter().map(|e| bare(catalogue, e)).collect();
+    let bench = d.best.first().and_then(|e| catalogue.find(&e.effect).ok()).map_or("", |(found, _)| &found.bench);
+    format!(
+        "Of all effects the nearest is: {}. These trials make it {} likelier than that nothing is missing; a name takes {}. To look at, at the bench: {bench}",
+        effects.join(", with "),
+        to_one(earned),
+        to_one(d.threshold)
+    )
 }
 
 /// Of `none`: structures that the data want slacker, which may be torn, and tears that such trials would not have named.

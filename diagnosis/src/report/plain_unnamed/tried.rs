@@ -44,7 +44,8 @@ pub(super) fn best(why: &Unexplained, nothing: f64) -> String {
 /// That none is enough, by the fits that converged; of the others that they prove nothing.
 fn proof(tried: &[Tried], nothing: f64) -> String {
     let (lost, sound): (Vec<&Tried>, Vec<&Tried>) = tried.iter().partition(|t| did_not_converge(t, nothing));
-    let against = stands_against(&sound).join("; ");
+    let twice = if sound.iter().any(|t| t.against.len() > 1) { "; some for more than one reason" } else { "" };
+    let against = stands_against(&sound).join("; ") + twice;
     if lost.is_empty() {
         return format!(", and none is enough: {against}");
     }
