@@ -105,6 +105,8 @@ pub const BEYOND_BELIEF: f64 = 5.0;
 pub const CLOSES_MOST: f64 = 0.5;
 /// Share of the held-out gap that an answer must close whose rest stays significant [-]. Declared: else it is at most part of what is missing.
 pub const CLOSES_NEARLY_ALL: f64 = 0.9;
+/// Log odds below which no test is worth calling one that would tell, and no tear one that fits better [nats]: odds of less than three to one. Declared.
+pub const WORTH_TELLING: f64 = 1.0;
 /// Share of its standard deviation below which a part of an effect is nothing [-]: it was pressed against its bound. Declared.
 pub const NO_SIZE: f64 = 0.1;
 /// Half width of a 90 % interval, in standard deviations [-]. Derived: the normal distribution's.

@@ -1,7 +1,7 @@
 //! What the data do not exclude, whatever the verdict: one list for a reader and for a judge. A verdict of `none` says that no name has earned its place. It
 //! does not say that the knee is whole: where trials barely feel a tear, recalibrated ligaments take it up, and the tear fits as well.
 
-use crate::criteria::{TEMPER, told_apart};
+use crate::criteria::{TEMPER, WORTH_TELLING, told_apart};
 use crate::effect::candidate::Candidate;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
@@ -147,11 +147,12 @@ pub(crate) fn ahead(of: &[NotExcluded]) -> Vec<(&str, f64)> {
     of.iter().filter_map(NotExcluded::tear_ahead).collect()
 }
 
-/// That tears fit better than a knee that lacks nothing, though no effect is proven; nothing where none does. The list is one of a verdict of `none`.
+/// That tears fit better than a knee that lacks nothing, though no effect is proven; nothing where none is three times as likely. The list is one of a verdict of `none`.
 /// `best`: log Bayes factor of the best effect that was found [nats]; it may fit better still.
 pub(crate) fn fits_best(of: &[NotExcluded], best: Option<f64>) -> String {
     let told = ahead(of);
-    let Some((&(first, log_odds), others)) = told.split_first() else { return String::new() };
+    let first = told.split_first().filter(|(first, _)| first.1 >= WORTH_TELLING);
+    let Some((&(first, log_odds), others)) = first else { return String::new() };
     let odds = format!("({} by these trials alone, too little to name it)", to_one(log_odds));
     let mut out = if best.is_some_and(|earned| earned > log_odds) {
         format!("No effect is proven by these trials. Of tears, a torn {first} fits best {odds}.")

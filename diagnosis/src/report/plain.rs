@@ -3,6 +3,7 @@
 mod clauses;
 mod none;
 
+use crate::criteria::WORTH_TELLING;
 use crate::effect::catalogue::Catalogue;
 use crate::fit::next_test::NextTest;
 use crate::report::not_excluded::in_words;
@@ -16,8 +17,6 @@ use clauses::{bare, capital, effect};
 use none::{nearest, nothing, open_tears};
 use std::fmt::Write;
 
-/// Expected log odds below which no single test is worth calling one that would tell [nats]: odds of less than three to one.
-const WOULD_TELL: f64 = 1.0;
 /// Flexion up to which a forward drawer is a Lachman test [deg].
 const LACHMAN_DEG: f64 = 30.0;
 /// Ligament force in the report's tests from which it is told as unlikely [N]: twice the drawer of 133 N. Ours: in cadavers the ACL carries about the load of a
@@ -30,7 +29,8 @@ const ROWS_IN_HEAD: usize = 3;
 /// The head of a diagnosis in plain words: what it means first; then a line for each thing to know or to do.
 pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let mut out = match d.verdict {
-        Verdict::None => nothing(d) + &line(&nearest(catalogue, d)),
+        // what to do comes second: a record that jumped before all else
+        Verdict::None => nothing(d) + &line(&set_aside(&d.set_aside)) + &line(&nearest(catalogue, d)),
         Verdict::Unnamed => unnamed(catalogue, d),
         _ => named(catalogue, d),
     };
@@ -45,7 +45,9 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
         Verdict::Unnamed => {}
         _ => out += &contradictions_beside(&d.contradictions),
     }
-    out += &line(&set_aside(&d.set_aside));
+    if d.verdict != Verdict::None {
+        out += &line(&set_aside(&d.set_aside));
+    }
     // beside an answer, what is rough may be the answer's own
     if d.answers.is_empty() {
         out += &noise(&d.noise);
@@ -153,7 +155,7 @@ fn test(d: &Diagnosis) -> String {
     let is_open = d.answers.len() > 1 || matches!(d.verdict, Verdict::Unnamed) || !d.may_be_torn.is_empty();
     let Some(best) = d.next_tests.first().filter(|_| is_open) else { return String::new() };
     let what = next_tells(d);
-    if best.expected_gain < WOULD_TELL {
+    if best.expected_gain < WORTH_TELLING {
         // log odds are no words for a head: so many to one
         return format!(
             "No single test of usual load would tell {what}. The best, {}, makes one at most {} times as likely against the other as it is now.",
@@ -405,6 +407,10 @@ mod tests {
         let line = "These trials do not exclude: that nothing is missing; nor, less likely, a torn sMCL or a torn POL. \
                     Effects other than whole tears are not in this list.";
         assert!(told.lines().any(|l| l == line), "{told}");
+        // a tear that is hardly likelier does not lead the head
+        let hardly = Diagnosis { not_excluded: vec![state(Some("LCL"), 0.9), state(None, 0.0)], ..open.clone() };
+        let told = head(&hardly);
+        assert!(told.starts_with("Nothing is missing") && told.contains("not exclude: a torn LCL"), "{told}");
         // beside an answer its rivals stand there, too, whatever they are
         let answered = Diagnosis { verdict: Verdict::Probable, ..open.clone() };
         assert!(!not_excluded(&answered).contains("Effects other"), "{}", not_excluded(&answered));

@@ -290,7 +290,10 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
     let explains = 100.0 * ((before - after) / (before - 1.0)).clamp(0.0, 1.0);
     let best = format!(" The best that it has, {}, would explain {explains:.0} % of the misfit", names.join(" with "));
     if after > 1.1 {
-        return format!("{best} and leave {after:.1} times what noise and floor allow: not enough for a name.");
+        return format!(
+            "{best} and leave {after:.1} times what noise and floor allow, what ligaments and frames had to move for it counted in: not enough \
+             for a name."
+        );
     }
     match (d.wildcard_alone, d.best_log_bayes_factor) {
         (Some(alone), Some(own)) if d.wildcard <= discrepancy().max(ANOTHER * own) && d.exchanged.is_none() => format!(
