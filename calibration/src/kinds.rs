@@ -18,17 +18,21 @@ pub struct Kinds {
     pub here: usize,
     /// How many are subluxed.
     pub subluxed: usize,
+    /// How many are turned further than knees turn.
+    pub rotated: usize,
     /// How many a gap parts from the most probable knee.
     pub elsewhere: usize,
 }
 
 impl Kinds {
-    /// Of the most probable knee's pose, and of samples on the plateau: their poses, and whether each is subluxed.
-    pub fn of(own: Option<&Free<f64>>, here: impl IntoIterator<Item = (Free<f64>, bool)>) -> Kinds {
-        let (poses, subluxed): (Vec<Free<f64>>, Vec<bool>) = here.into_iter().unzip();
+    /// Of the most probable knee's pose, and of samples on the plateau: their poses, and whether each is subluxed, and rotated beyond any knee.
+    pub fn of(own: Option<&Free<f64>>, here: impl IntoIterator<Item = (Free<f64>, [bool; 2])>) -> Kinds {
+        let (poses, odd): (Vec<Free<f64>>, Vec<[bool; 2]>) = here.into_iter().unzip();
+        let count = |k: usize| odd.iter().filter(|is| is[k]).count();
         Kinds {
             here: poses.len(),
-            subluxed: subluxed.into_iter().filter(|s| *s).count(),
+            subluxed: count(0),
+            rotated: count(1),
             elsewhere: own.map_or(0, |own| elsewhere(own, &poses)),
         }
     }
@@ -39,11 +43,13 @@ impl Kinds {
             true => (0, self.here - self.subluxed),
             false => (self.subluxed, 0),
         };
+        let rotated = if most_probable.contains(&Flag::Rotated) { 0 } else { self.rotated };
         let stay = if most_probable.contains(&Flag::Dislocated) { self.here } else { 0 };
         let counts = [
             (Difference::OnPlateau, stay),
             (Difference::Subluxed, subluxed),
             (Difference::NotSubluxed, not),
+            (Difference::Rotated, rotated),
             (Difference::Elsewhere, self.elsewhere),
         ];
         let told = counts.into_iter().filter(|(_, count)| *count > 0);
@@ -88,7 +94,7 @@ mod tests {
     }
 
     fn kinds(own: &Free<f64>, poses: &[Free<f64>]) -> Kinds {
-        Kinds::of(Some(own), poses.iter().map(|p| (*p, false)))
+        Kinds::of(Some(own), poses.iter().map(|p| (*p, [false; 2])))
     }
 
     #[test]
@@ -96,24 +102,27 @@ mod tests {
         let own = at(0.0, 0.0);
         // as wide as two equilibria are apart, and without a gap
         let wide: Vec<Free<f64>> = (-10..=10).map(|k| at(f64::from(k), -2.0 * f64::from(k))).collect();
-        assert_eq!(kinds(&own, &wide), Kinds { here: 21, subluxed: 0, elsewhere: 0 });
+        assert_eq!(kinds(&own, &wide), Kinds { here: 21, ..Kinds::default() });
         let near = [0.5, -1.0, 1.5, 2.0].map(|ap| at(ap, 0.0));
         let two: Vec<Free<f64>> = near.into_iter().chain([at(-9.0, 0.0), at(-9.5, 1.0), at(1.0, 12.0)]).collect();
         assert_eq!(kinds(&own, &two).elsewhere, 3);
         // counted from the most probable knee, wherever most samples are
         assert_eq!(kinds(&at(-9.0, 0.0), &two).elsewhere, 5);
-        assert_eq!(Kinds::of(None, two.into_iter().map(|p| (p, false))).elsewhere, 0);
+        assert_eq!(Kinds::of(None, two.into_iter().map(|p| (p, [false; 2]))).elsewhere, 0);
     }
 
     #[test]
     fn samples_are_told_of_where_they_are_not_as_the_most_probable_knee() {
-        let found = Kinds { here: 40, subluxed: 6, elsewhere: 0 };
+        let found = Kinds { here: 40, subluxed: 6, ..Kinds::default() };
         let told = |own: &[Flag]| sim::flags::sentences(&found.flags(own, 48));
         assert_eq!(told(&[]), ["6 of 48 samples are subluxed"]);
         assert_eq!(told(&[Flag::Subluxed]), ["34 of 48 samples are not subluxed"]);
         assert_eq!(told(&[Flag::Dislocated]), ["40 of 48 samples stay on the plateau", "6 of 48 samples are subluxed"]);
-        assert!(Kinds { here: 40, subluxed: 0, elsewhere: 0 }.flags(&[], 48).is_empty());
-        assert!(Kinds { here: 40, subluxed: 40, elsewhere: 0 }.flags(&[Flag::Subluxed], 48).is_empty());
+        let turned = Kinds { here: 40, rotated: 2, ..Kinds::default() };
+        assert_eq!(turned.flags(&[], 48)[0].to_string(), "2 of 48 samples are rotated beyond any knee");
+        assert!(turned.flags(&[Flag::Rotated], 48).is_empty());
+        assert!(Kinds { here: 40, ..Kinds::default() }.flags(&[], 48).is_empty());
+        assert!(Kinds { here: 40, subluxed: 40, ..Kinds::default() }.flags(&[Flag::Subluxed], 48).is_empty());
         let apart = Kinds { elsewhere: 2, ..Kinds::default() }.flags(&[], 48);
         assert_eq!(sim::flags::sentences(&apart), ["2 of 48 samples rest elsewhere"]);
     }

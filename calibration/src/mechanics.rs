@@ -127,6 +127,7 @@ mod tests {
             outputs: outputs.to_vec(),
             leaves_the_plateau: false,
             is_subluxed: false,
+            is_rotated: false,
         };
         let (loaded, heavier, none) =
             (told(50.0, 40.0, 1.25, 3.0), told(90.0, 60.0, 1.5, 4.0), told(0.0, 0.0, 0.0, 0.0));

@@ -244,7 +244,7 @@ impl Samples {
         let stays = |p: &&Prediction| !p.leaves_the_plateau;
         let kinds = place.iter().map(|i| {
             let here = found.iter().filter_map(|f| f[*i].as_ref()).filter(stays);
-            Kinds::of(own[*i].as_ref().map(|p| &p.pose), here.map(|p| (p.pose, p.is_subluxed)))
+            Kinds::of(own[*i].as_ref().map(|p| &p.pose), here.map(|p| (p.pose, [p.is_subluxed, p.is_rotated])))
         });
         let kinds = kinds.collect();
         let of_sample = |(found, pushed): (&Vec<Option<Prediction>>, &Vec<Option<Free<f64>>>)| {

@@ -76,6 +76,8 @@ pub enum Difference {
     Subluxed,
     /// It is subluxed, and they are not.
     NotSubluxed,
+    /// They are turned further than knees turn, and it is not.
+    Rotated,
     /// A gap parts their poses from its own: they rest in another equilibrium.
     Elsewhere,
     /// It has left the plateau, and they have not: mean and interval are of them, and its own value is not.
@@ -90,6 +92,8 @@ impl Difference {
             (Difference::Subluxed, true) => "is subluxed",
             (Difference::NotSubluxed, false) => "are not subluxed",
             (Difference::NotSubluxed, true) => "is not subluxed",
+            (Difference::Rotated, false) => "are rotated beyond any knee",
+            (Difference::Rotated, true) => "is rotated beyond any knee",
             (Difference::Elsewhere, false) => "rest elsewhere",
             (Difference::Elsewhere, true) => "rests elsewhere",
             (Difference::OnPlateau, false) => "stay on the plateau",

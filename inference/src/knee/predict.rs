@@ -27,6 +27,8 @@ pub struct Prediction {
     pub leaves_the_plateau: bool,
     /// Whether the knee is subluxed: one compartment bears at its rim, or next to nothing far from the CT pose.
     pub is_subluxed: bool,
+    /// Whether the tibia is turned further than knees turn.
+    pub is_rotated: bool,
 }
 
 /// Times that the contact force turned by a leaning surface is brought up to date [-]: a lean of some hundredths makes each error a hundred times less.
@@ -93,6 +95,7 @@ impl Trials<'_> {
             outputs: model.outputs(&solved.evaluation),
             leaves_the_plateau: odd.contains(&Flag::Dislocated),
             is_subluxed: odd.contains(&Flag::Subluxed),
+            is_rotated: odd.contains(&Flag::Rotated),
         })
     }
 
