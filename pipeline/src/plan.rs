@@ -35,10 +35,10 @@ pub use chances::{ChanceTold, FailTold};
 use clap::Args;
 pub use file::{EXAMPLE, GraftFile, PlanFile, SiteFile, TestsFile, parsed, read};
 pub use knee::Surfaces;
-use notices::Kind;
+use notices::{Kind, Notice};
 pub use numbers::Value;
 pub use outcome::{GraftTold, Outcome, SCHEMA, TestTold, outcome};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 pub use sweep::{BestTold, SCHEMA as SWEEP_SCHEMA, SweepTold};
 
 /// `build-model plan`.
@@ -132,7 +132,23 @@ pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
     ];
     files.extend(args.map.then(|| ("map.csv".to_owned(), map::csv(&maps).into_bytes())));
     store::write_all(&args.out, &files)?;
-    Ok(told(&out, &loaded, args))
+    let beside = of_other_plans(&args.out, &files);
+    Ok(told(&out, &loaded, args, beside))
+}
+
+/// Files that a plan or a sweep leaves.
+const LEFT: [&str; 7] = ["plan.json", "plan.csv", "plan.html", "map.csv", "sweep.json", "sweep.csv", "sweep.html"];
+
+/// What is said of a folder in which files of another plan lie beside those that were written.
+fn of_other_plans(out: &Path, written: &[(String, Vec<u8>)]) -> Option<Notice> {
+    let is_old = |name: &&&str| written.iter().all(|(own, _)| own != *name) && store::exists(&out.join(name));
+    let old: Vec<&str> = LEFT.iter().filter(is_old).copied().collect();
+    let text = format!(
+        "{} in {} lies there from another plan; delete it, or give --out a new folder",
+        old.join(", "),
+        out.display()
+    );
+    (!old.is_empty()).then(|| Kind::OtherPlan.notice(text).count(old.len()))
 }
 
 /// The planned knee for the reader of the page; or why there is none.
@@ -154,10 +170,11 @@ fn chosen(samples: &Samples, args: &PlanArgs) -> Vec<usize> {
 }
 
 /// What is told of a plan.
-fn told(out: &Outcome, loaded: &LoadedModel, args: &PlanArgs) -> Told {
+fn told(out: &Outcome, loaded: &LoadedModel, args: &PlanArgs, beside: Option<Notice>) -> Told {
     let mut words = loaded.line();
     words += &table::words(out);
     let map = if args.map { "map.csv, " } else { "" };
     words += &format!("{map}plan.json, plan.csv and plan.html in {}\n", args.out.display());
-    Told::words(words).odd(out.notices.clone()).with(out)
+    let odd = out.notices.iter().cloned().chain(beside).collect();
+    Told::words(words).odd(odd).with(out)
 }

@@ -115,7 +115,8 @@ pub(super) fn astray(femur: &Bone, (file, graft): (&PlanFile, &GraftFile), run: 
             if lateral_mm < 0.0 { "medial" } else { "lateral" }
         )
     });
-    let of = [&graft.femur, &graft.tibia].map(|site| site.native.as_deref());
+    let by_percent = graft.femur.quadrant_percent.map(|_| "ACL");
+    let of = [graft.femur.native.as_deref().or(by_percent), graft.tibia.native.as_deref()];
     let mixed = of[0].zip(of[1]).filter(|(a, b)| !run_together(a, b)).map(|(a, b)| {
         format!(
             "graft {name:?}: it runs from the footprint of {a} on the femur to that of {b} on the tibia; expected those of one ligament, or of \
@@ -123,14 +124,20 @@ pub(super) fn astray(femur: &Bone, (file, graft): (&PlanFile, &GraftFile), run: 
         )
     });
     let strain = run.length_mm / run.slack_mm - 1.0;
-    let unfit = graft.slack_length_mm.filter(|_| !STRAINS.contains(&strain)).map(|slack| {
+    let unfit = (!STRAINS.contains(&strain)).then(|| {
         let what = if strain > 0.0 { "strained by" } else { "slack by" };
-        format!(
-            "graft {name:?}: slack_length_mm is {slack}, and its sites lie {:.1} mm apart in the CT pose: it is {what} {:.0} % there. A length in mm \
-             was expected, near that",
-            run.length_mm,
-            100.0 * strain.abs()
-        )
+        let (apart, share) = (run.length_mm, 100.0 * strain.abs());
+        match graft.slack_length_mm {
+            Some(slack) => format!(
+                "graft {name:?}: slack_length_mm is {slack}, and its sites lie {apart:.1} mm apart in the CT pose: it is {what} {share:.0} % there. A \
+                 length in mm was expected, near that"
+            ),
+            None => format!(
+                "graft {name:?}: fixed as asked its slack length is {:.1} mm, and its sites lie {apart:.1} mm apart in the CT pose: it is {what} \
+                 {share:.0} % there. Look at its tension, at the flexion where it is fixed, and at its sites",
+                run.slack_mm
+            ),
+        }
     });
     [off, mixed, unfit].into_iter().flatten().map(|text| Kind::GivenFar.notice(text)).collect()
 }

@@ -16,8 +16,8 @@ pub struct ChanceTold {
     pub of: String,
     /// Share of the samples in which it holds, of those whose intact knee stays on the plateau [-]; absent without samples.
     pub chance: Option<f64>,
-    /// In how many samples it holds, and of how many; none without samples.
-    #[serde(skip)]
+    /// In how many samples it holds, and of how many; absent without samples.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub counts: Option<[usize; 2]>,
     /// Whether it holds in the most probable knee.
     pub most_probable: bool,
@@ -168,7 +168,7 @@ const RESISTS: [(&str, &str); 6] = [
 ];
 
 /// The tests that a plan is about beside an ACL's, each once: by what is cut, and by what a graft has both footprints of.
-fn asked_of(file: &PlanFile) -> Vec<&'static str> {
+pub(super) fn asked_of(file: &PlanFile) -> Vec<&'static str> {
     let is_cut = |ligament: &str| file.cut.iter().any(|name| is_of(name, ligament));
     let is_put_in = |ligament: &str| {
         let ends =

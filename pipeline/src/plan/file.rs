@@ -3,10 +3,12 @@
 use super::spelled;
 use crate::error::{BuildError, Place};
 use crate::store;
+use attachments::bundle::LIGAMENTS;
 use notices::{Kind, Notice};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sim::graft::{COMPRESSION_N, FIXED_AT_DEG, STIFFNESSES_N_PER_MM, TENSIONS_N, TOE_STRAIN};
+use sim::names::is_of;
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -217,9 +219,48 @@ impl PlanFile {
         let radians = lists.into_iter().filter(|(_, list)| are_like_radians(list)).map(|(key, list)| {
             Kind::GivenFar.notice(format!("tests.{key} is {list:?}: radians? They are read as degrees"))
         });
-        uncut.into_iter().chain(radians).collect()
+        uncut.into_iter().chain(radians).chain(self.odd_numbers()).chain(self.beside_their_own()).collect()
+    }
+
+    /// Numbers that look like those of another unit, and tests without load, which any knee passes.
+    fn odd_numbers(&self) -> Vec<Notice> {
+        let fixed = self.graft.iter().map(|g| (format!("graft {:?}: at_flexion_deg", g.name), g.at_flexion_deg));
+        let flexions = fixed.chain([("tests.pivot, flexion".to_owned(), self.tests.pivot[0])]);
+        let radians = flexions.filter(|(_, x)| are_like_radians(&[*x]));
+        let radians = radians.map(|(key, x)| format!("{key} is {x}: radians? It is read as degrees"));
+        let t = &self.tests;
+        let pivot = t.pivot[1].max(t.pivot[2]);
+        let loads = [
+            ("tests.drawer_n", t.drawer_n, LEAST_DRAWER_N, "N", "drawers"),
+            ("tests.rotation_nm", t.rotation_nm, LEAST_MOMENT_NM, "N m", "rotations"),
+            ("tests.varus_valgus_nm", t.varus_valgus_nm, LEAST_MOMENT_NM, "N m", "varus and valgus"),
+            ("tests.pivot", pivot, LEAST_MOMENT_NM, "N m", "the pivot shift"),
+        ];
+        let weak = loads.into_iter().filter(|(_, x, least, ..)| x < least).map(|(key, x, least, unit, tests)| {
+            format!("{key} is {x} {unit}: {tests} then hardly load a knee, so they tell nothing of it; expected {least} {unit} or more")
+        });
+        radians.chain(weak).map(|text| Kind::GivenFar.notice(text)).collect()
+    }
+
+    /// Grafts in the place of a ligament that is not cut, where another is.
+    fn beside_their_own(&self) -> Vec<Notice> {
+        let is_cut = |name: &str| self.cut.iter().any(|cut| is_of(name, cut) || is_of(cut, name));
+        let beside = self.graft.iter().filter(|_| !self.cut.is_empty());
+        let beside = beside.filter_map(|g| Some((g, g.replaces()?))).filter(|(_, own)| !is_cut(own));
+        let text = |(g, own): (&GraftFile, &str)| {
+            format!(
+                "graft {:?} runs in the place of {own}, which is not cut: it stands beside it; expected {own} in cut",
+                g.name
+            )
+        };
+        beside.map(|one| Kind::NothingCut.notice(text(one))).collect()
     }
 }
+
+/// A drawer below this is in another unit, or none [N]; ours: an arthrometer begins with 67.
+const LEAST_DRAWER_N: f64 = 30.0;
+/// The same of a moment [N m]; ours: a hand turns a foot by 2.
+const LEAST_MOMENT_NM: f64 = 1.0;
 
 /// Whether flexions look like radians: none beyond a bent knee's, and one of no whole number.
 fn are_like_radians(list: &[f64]) -> bool {
@@ -227,6 +268,17 @@ fn are_like_radians(list: &[f64]) -> bool {
 }
 
 impl GraftFile {
+    /// The ligament in whose place it runs, by both its sites; none of one that runs from elsewhere.
+    fn replaces(&self) -> Option<&'static str> {
+        let of = |site: &SiteFile, is_by_percent: bool| match &site.native {
+            Some(name) => LIGAMENTS.iter().copied().find(|ligament| is_of(name, ligament)),
+            None => is_by_percent.then_some("ACL"),
+        };
+        let femur = of(&self.femur, self.femur.quadrant_percent.is_some())?;
+        let tibia = of(&self.tibia, self.tibia.plateau_percent.is_some())?;
+        (femur == tibia).then_some(femur)
+    }
+
     fn check(&self) -> Result<(), Wrong> {
         let ranged = |key: &str, x: f64, range: [f64; 2]| within(key, key, x, range);
         match (self.stiffness_n_per_mm, self.cross_section_mm2, self.modulus_mpa) {

@@ -110,8 +110,8 @@ pub struct TestTold {
     /// Share of the samples in which the reconstructed knee lies within the limits of AP, IE and VV of the intact one in this test, of those whose
     /// intact knee stays on the plateau [-]; absent without samples.
     pub chance: Option<f64>,
-    /// In how many samples it does so, and of how many; none without samples.
-    #[serde(skip)]
+    /// In how many samples it does so, and of how many; absent without samples.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub counts: Option<[usize; 2]>,
     /// The flags of the reconstructed knee as values.
     #[serde(skip)]

@@ -4,12 +4,13 @@ mod choice;
 mod file;
 mod page;
 mod row;
+mod subject;
 
-use super::PlanArgs;
 use super::file::PlanFile;
 use super::ground::{Before, Ground};
 use super::knee::STATES;
 use super::outcome::{flagged, outcome_on};
+use super::{PlanArgs, of_other_plans};
 use crate::error::{BuildError, Place};
 use crate::model_file::LoadedModel;
 use crate::progress::Searching;
@@ -27,6 +28,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use subject::Subject;
 
 /// Version of sweep.json.
 pub const SCHEMA: &str = "sweep/1";
@@ -133,7 +135,8 @@ pub(super) fn swept(
     let words = loaded.line()
         + &in_words((sweep, base), &rows, &told)
         + &format!("sweep.csv, {BESIDE} and sweep.html in {}\n", args.out.display());
-    Ok(Told::words(words).odd(told.notices.clone()).with(&told))
+    let odd = told.notices.iter().cloned().chain(of_other_plans(&args.out, &files)).collect();
+    Ok(Told::words(words).odd(odd).with(&told))
 }
 
 /// Every plan as a row, in the order of the values.
@@ -151,7 +154,7 @@ fn rows(
             let brief = row::brief(&plan, &knee.placed, &out);
             (out, left, brief)
         });
-        let row = Row::of(k + 1, values.clone(), found, sweep.graft);
+        let row = Row::of(k + 1, values.clone(), found, (sweep.graft, Subject::of(base)));
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         bar.show(done as f64 / all.len() as f64, &format!("{done} of {}", counted(all.len(), "plan")));
         row
@@ -274,13 +277,15 @@ fn in_words((sweep, base): (&Sweep, &PlanFile), rows: &[Row], told: &SweepTold) 
             (_, Some(1.0)) => "every test like the intact knee".to_owned(),
             _ => "not every test like the intact knee".to_owned(),
         };
-        let off = r.number("anterior_drawer_most_off_mm").map_or("none".into(), |x| format!("{x:.1} mm"));
+        let of = r.subject;
+        let off = r.number(&of.most_off()).map_or("none".into(), |x| format!("{x:.1} {}", of.unit()));
         let bears = r.number("unloaded_force_n").zip(r.number("unloaded_force_at_deg"));
         let bears = bears.map_or("none".into(), |(n, deg)| format!("{n:.0} N at {deg} deg"));
         let (place, choices) = (r.rank.unwrap_or_default(), sweep.words(&r.values));
         let _ = writeln!(
             text,
-            "{place}: {choices}: {chance}, furthest off in an anterior drawer {off}, most graft force unloaded {bears}"
+            "{place}: {choices}: {chance}, furthest off in {} {off}, most graft force unloaded {bears}",
+            of.several()
         );
     }
     text

@@ -111,9 +111,11 @@ pub(super) fn words(out: &Outcome) -> String {
 /// A chance in words.
 pub(super) fn chance(c: &ChanceTold) -> String {
     let best = if c.most_probable { "yes" } else { "no" };
-    let share = match c.chance {
-        Some(p) => format!("in {:.0} % of the samples; most probable knee: {best}", 100.0 * p),
-        None => format!("most probable knee: {best}"),
+    let share = match (c.chance, c.counts) {
+        (Some(p), Some([holds, of])) => {
+            format!("in {:.0} % of the samples ({holds} of {of}); most probable knee: {best}", 100.0 * p)
+        }
+        _ => format!("most probable knee: {best}"),
     };
     share + &c.fails.as_ref().map_or(String::new(), fails)
 }

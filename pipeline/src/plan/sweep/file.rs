@@ -141,6 +141,17 @@ impl Sweep {
             let told = "at_flexion_deg changes nothing of a graft with slack_length_mm; expected tension_n, too";
             return Err(("at_flexion_deg", told.into()));
         }
+        let is_part = |x: &f64| (0.0..=1.0).contains(x);
+        let parts = |(c, values): &&(Choice, Vec<f64>)| {
+            matches!(c.what, What::Percent(..)) && values.iter().all(is_part) && values.iter().any(|x| *x > 0.0)
+        };
+        if let Some((choice, values)) = self.varied.iter().find(parts) {
+            let percents: Vec<f64> = values.iter().map(|x| 100.0 * x).collect();
+            return Err((
+                choice.key,
+                format!("{} is {values:?}: parts of 1? Expected percentages, such as {percents:?}", choice.key),
+            ));
+        }
         // each value by itself, so that the fault is its own
         for (choice, values) in &self.varied {
             for x in values {

@@ -2,11 +2,13 @@
 
 use super::file::Sweep;
 use super::row::{Row, beyond_among_first, ranked};
+use super::subject::Subject;
 use super::{BEST, SweepTold, counted, not_restored};
 use crate::plan::file::PlanFile;
 use crate::plan::heat::heat;
 use crate::plan::html::{STYLE, table, words};
 use crate::plan::knee::Placed;
+use crate::plan::knee::main_coordinate;
 use crate::plan::map::{Cell, Map};
 use crate::plan::page::{FIGURES, limits};
 use crate::plan::planned::{Law, section};
@@ -15,12 +17,16 @@ use crate::report::{escaped, head};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// What a map shows: its column, words, digits behind the point, and what its numbers are multiplied by.
-const SHOWN: [(&str, &str, usize, f64); 3] = [
-    ("chance", "every loaded test like the intact knee, % of the samples", 0, 100.0),
-    ("anterior_drawer_most_off_mm", "furthest from the intact knee in the anterior drawers, AP, mm", 1, 1.0),
-    ("unloaded_force_n", "most that the graft bears unloaded, N", 0, 1.0),
-];
+/// What the maps of a sweep show: its column, words, digits behind the point, and what its numbers are multiplied by.
+fn shown_on_maps(of: Subject) -> [(String, String, usize, f64); 3] {
+    let far =
+        format!("furthest from the intact knee in the {}, {} {}", of.several(), main_coordinate(of.kind), of.unit());
+    [
+        ("chance".to_owned(), "every loaded test like the intact knee, % of the samples".to_owned(), 0, 100.0),
+        (of.most_off(), far, 1, 1.0),
+        ("unloaded_force_n".to_owned(), "most that the graft bears unloaded, N".to_owned(), 0, 1.0),
+    ]
+}
 
 /// A map has at most so many fields [-]; ours: a sheet of paper has room for their numbers.
 const MOST_FIELDS: usize = 400;
@@ -121,10 +127,10 @@ fn maps(sweep: &Sweep, base: &PlanFile, rows: &[Row]) -> String {
     let framed = best.values().find(|row| sweep.plan(base, &row.values) == *base);
     let planned = framed.map_or([f64::NAN; 2], |row| pair.map(|k| row.values[k]));
     let mut text = String::new();
-    for (column, what, digits, times) in SHOWN {
+    for (column, what, digits, times) in shown_on_maps(Subject::of(base)) {
         let number = |at: [f64; 2]| {
             let row = best.get(&at.map(f64::to_bits))?;
-            row.number(column).map(|x| [times * x, 0.0])
+            row.number(&column).map(|x| [times * x, 0.0])
         };
         let places = up.1.iter().flat_map(|y| across.1.iter().map(move |x| [*x, *y]));
         let cells: Vec<Cell> = places.map(|at| Cell { at, quadrant_percent: None, found: number(at) }).collect();
@@ -134,7 +140,7 @@ fn maps(sweep: &Sweep, base: &PlanFile, rows: &[Row]) -> String {
         let axes = [across.0.label, up.0.label];
         let graft = own.map_or(String::new(), |g| g.name.clone());
         let map = Map { of: "sweep", graft, axes, planned, cells };
-        let svg = heat(&map, what, digits, |c| c.found.map(|f| f[0]));
+        let svg = heat(&map, &what, digits, |c| c.found.map(|f| f[0]));
         let _ = write!(text, "<figure class=\"paper\">{svg}<figcaption>{what}</figcaption></figure>");
     }
     if text.is_empty() {
@@ -149,7 +155,7 @@ fn maps(sweep: &Sweep, base: &PlanFile, rows: &[Row]) -> String {
 
 /// The best plans; `samples` were asked.
 fn best(sweep: &Sweep, base: &PlanFile, rows: &[Row], samples: usize) -> String {
-    let all = ranked(rows);
+    let (all, of) = (ranked(rows), Subject::of(base));
     if all.is_empty() {
         return String::new();
     }
@@ -162,8 +168,8 @@ fn best(sweep: &Sweep, base: &PlanFile, rows: &[Row], samples: usize) -> String 
         let mut cells = vec![r.rank.map_or(String::new(), |n| n.to_string()), r.plan.to_string()];
         cells.extend(r.values.iter().map(f64::to_string));
         cells.push(percent(r, "chance", "restored"));
-        cells.push(percent(r, "chance_drawer", "restored_drawer"));
-        cells.push(r.number("anterior_drawer_most_off_mm").map_or("none".into(), |x| fixed(x, 1)));
+        cells.push(percent(r, &of.chance(), &of.restored()));
+        cells.push(r.number(&of.most_off()).map_or("none".into(), |x| fixed(x, 1)));
         cells.push(shown(r.value("unloaded_force_n").as_ref(), 0));
         cells.extend(
             ["medial", "lateral"].map(|side| shown(r.value(&format!("unloaded_{side}_contact_n")).as_ref(), 0)),
@@ -177,10 +183,9 @@ fn best(sweep: &Sweep, base: &PlanFile, rows: &[Row], samples: usize) -> String 
     };
     let mut header = words(&["rank", "plan"]);
     header.extend(sweep.varied.iter().map(|(c, _)| c.label.to_owned()));
+    header.extend(words(&["every test like the intact knee"]));
+    header.extend([format!("{} like it", of.several()), format!("furthest off in them, {}", of.unit())]);
     header.extend(words(&[
-        "every test like the intact knee",
-        "anterior drawers like it",
-        "furthest off in them, mm",
         "most graft force unloaded, N",
         "most medial contact unloaded, N",
         "most lateral contact unloaded, N",
@@ -210,8 +215,9 @@ fn best(sweep: &Sweep, base: &PlanFile, rows: &[Row], samples: usize) -> String 
         format!(" {words}. A plan with one keeps its rank; the last column names the graft.")
     });
     format!(
-        "<h2>{title}</h2><p>Ranked by the chance that every loaded test is like the intact knee, then by that of the anterior drawers, then by how far \
+        "<h2>{title}</h2><p>Ranked by the chance that every loaded test is like the intact knee, then by that of the {}, then by how far \
          off they are. What the graft bears unloaded, and the contact, have no part in it: look at their columns.{beyond}{told}</p>{}",
+        of.several(),
         table(&header, all.iter().take(BEST).map(line))
     )
 }

@@ -1,9 +1,12 @@
 //! A plan of a sweep as a row of numbers, and how the rows are ranked.
 
 use super::file::Sweep;
+use super::subject::Subject;
 use crate::plan::astray::briefly;
+use crate::plan::chances::asked_of;
 use crate::plan::file::PlanFile;
 use crate::plan::knee::Placed;
+use crate::plan::knee::main_coordinate;
 use crate::plan::numbers::Value;
 use crate::plan::outcome::borne::among;
 use crate::plan::outcome::{Left, Outcome, TestTold};
@@ -41,16 +44,23 @@ pub(super) struct Row {
     pub(super) beyond: bool,
     /// Why it could not be done.
     pub(super) fault: Option<String>,
+    /// By which test it is ranked, after all tests.
+    pub(super) subject: Subject,
 }
 
 impl Row {
     /// Of what came of a plan.
-    pub(super) fn of(plan: usize, values: Vec<f64>, found: Result<Came, String>, graft: usize) -> Row {
+    pub(super) fn of(
+        plan: usize,
+        values: Vec<f64>,
+        found: Result<Came, String>,
+        (graft, subject): (usize, Subject),
+    ) -> Row {
         let (numbers, flags, brief, beyond, fault) = match found {
             Ok((out, left, brief)) => (numbers(&out, left, graft), flags(&out), brief, is_beyond(&out), None),
             Err(why) => (vec![], vec![], vec![], false, Some(why)),
         };
-        let mut row = Row { plan, rank: None, values, numbers, flags, brief, beyond, fault };
+        let mut row = Row { plan, rank: None, values, numbers, flags, brief, beyond, fault, subject };
         let outside = row.outside();
         if !outside.is_empty() {
             row.flags.push(format!("outside its interval: {}", outside.join(" ")));
@@ -89,11 +99,12 @@ impl Row {
         Some(Value { value: value?, mean, lower, upper })
     }
 
-    /// What it is ranked by, the more the better: the chance that every test is like the intact knee, that of the anterior drawer, and how near that is.
+    /// What it is ranked by, the more the better: the chance that every test is like the intact knee, that of the test which it is about, and how near that is.
     fn worth(&self) -> [f64; 3] {
         let or_best = |chance: &str, best: &str| self.number(chance).or(self.number(best)).unwrap_or(-1.0);
-        let far = self.number("anterior_drawer_most_off_mm").unwrap_or(f64::INFINITY);
-        [or_best("chance", "restored"), or_best("chance_drawer", "restored_drawer"), -far]
+        let of = self.subject;
+        let far = self.number(&of.most_off()).unwrap_or(f64::INFINITY);
+        [or_best("chance", "restored"), or_best(&of.chance(), &of.restored()), -far]
     }
 }
 
@@ -137,8 +148,11 @@ fn numbers(out: &Outcome, left: Left, graft: usize) -> Vec<(String, Option<f64>)
     all.push(("length_mm".into(), own.map(|g| g.length_mm)));
     all.push(("slack_length_mm".into(), own.map(|g| g.slack_length_mm)));
     let of = |counts: Option<[usize; 2]>| counts.map(|[_, all]| all as f64);
-    // the chances of a plan come in this order
-    for (name, c) in ["_drawer", "_pivot_shift", ""].iter().zip(&out.chances) {
+    // the chances of a plan come in this order, those of what other ligaments than an ACL resist last
+    let own_kinds = asked_of(&out.planned);
+    let usual = ["_drawer", "_pivot_shift", ""].map(str::to_owned);
+    let names = usual.into_iter().chain(own_kinds.iter().map(|kind| format!("_{}", kind.replace(' ', "_"))));
+    for (name, c) in names.zip(&out.chances) {
         all.push((format!("restored{name}"), Some(f64::from(u8::from(c.most_probable)))));
         all.push((format!("chance{name}"), c.chance));
         all.push((format!("chance{name}_of"), of(c.counts)));
@@ -149,12 +163,14 @@ fn numbers(out: &Outcome, left: Left, graft: usize) -> Vec<(String, Option<f64>)
         all.push((format!("chance_{}_of", called(t)), of(t.counts)));
     }
     let drawers = || loaded().filter(|t| t.test.ends_with("drawer"));
-    for kind in ["anterior drawer", "posterior drawer"] {
-        let off =
-            drawers().filter(|t| t.test == kind).map(|t| t.off.get("ap_mm").map(|v| v.mean.unwrap_or(v.value).abs()));
+    let turning = own_kinds.into_iter().filter(|kind| !kind.ends_with("drawer"));
+    for kind in ["anterior drawer", "posterior drawer"].into_iter().chain(turning) {
+        let (column, unit) = (main_coordinate(kind).column(), main_coordinate(kind).unit());
+        let mine = loaded().filter(|t| t.test == kind);
+        let off = mine.map(|t| t.off.get(&column).map(|v| v.mean.unwrap_or(v.value).abs()));
         // one without equilibrium is far off, however far that is
         let most = off.collect::<Option<Vec<f64>>>().and_then(|all| all.into_iter().reduce(f64::max));
-        all.push((format!("{}_most_off_mm", kind.replace(' ', "_")), most));
+        all.push((format!("{}_most_off_{unit}", kind.replace(' ', "_")), most));
     }
     for t in drawers() {
         push(&mut all, &format!("{}_off_mm", called(t)), t.off.get("ap_mm"));
@@ -282,7 +298,8 @@ pub(super) mod tests {
             [("chance", chance), ("chance_of", 100.0), ("chance_drawer", 0.5), ("anterior_drawer_most_off_mm", off)];
         let numbers = numbers.map(|(name, x)| (name.to_owned(), Some(x))).to_vec();
         let (flags, brief) = (vec![], vec![]);
-        Row { plan, rank: None, values: values.to_vec(), numbers, flags, brief, beyond: false, fault: None }
+        let subject = Subject { kind: "anterior drawer" };
+        Row { plan, rank: None, values: values.to_vec(), numbers, flags, brief, beyond: false, fault: None, subject }
     }
 
     #[test]
@@ -383,7 +400,9 @@ pub(super) mod tests {
         let taut = |deg: f64| TestTold { beyond: vec![words.into()], ..unloaded(deg, Some(300.0)) };
         let marked = out(vec![unloaded(0.0, Some(3.0)), taut(30.0), taut(90.0)]);
         assert_eq!(brief(&plan, &[], &marked), [words]);
-        let of = |k: usize, came: Outcome| Row::of(k, vec![k as f64], Ok((came, Left::default(), vec![])), 0);
+        let of = |k: usize, came: Outcome| {
+            Row::of(k, vec![k as f64], Ok((came, Left::default(), vec![])), (0, Subject { kind: "anterior drawer" }))
+        };
         // equal plans go by their values: the marked ones are the second and the eleventh
         let one = |k: usize| of(k, if [2, 11].contains(&k) { marked.clone() } else { out(vec![]) });
         let mut rows: Vec<Row> = (1..=12).map(one).collect();
