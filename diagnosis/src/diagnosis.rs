@@ -18,7 +18,7 @@ use crate::report::detection::limits_of_detection;
 use crate::report::excluded::may_be_torn;
 use crate::report::not_excluded::not_excluded;
 use crate::report::preparation::prepared;
-use crate::report::set_aside::set_aside;
+use crate::report::set_aside::{in_words, set_aside};
 use crate::report::unexplained::unexplained;
 use crate::report::verdict::{Candidature, by_names, temper, verdict, weights};
 use crate::search::contradiction::contradictions;
@@ -299,7 +299,9 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
     outcome.add(problem, spec, [&search.base, best], temper(searcher, best))?;
     // what is told in words is all that is missing, not what the best answer leaves
     let told = if verdict == Verdict::Unnamed { &judged.alone.0 } else { field };
-    outcome.diagnosis.description = crate::report::words::description(problem, &outcome.diagnosis, told, search);
+    let aside: Vec<String> = outcome.diagnosis.set_aside.iter().map(in_words).collect();
+    outcome.diagnosis.description =
+        crate::report::words::description(problem, &outcome.diagnosis, told, search, &aside);
     outcome.diagnosis.plain = crate::report::plain::plain(&problem.catalogue, &outcome.diagnosis);
     Ok(outcome)
 }

@@ -5,14 +5,19 @@ use crate::discrepancy::Discrepancy;
 use crate::effect::catalogue::Catalogue;
 use crate::fit::share_at_whole;
 use crate::problem::Problem;
-use crate::report::set_aside::in_words;
-use crate::report::{Absorbed, Answer, Carried, Diagnosis, Gap, Named, SetAside, Verdict};
+use crate::report::{Absorbed, Answer, Carried, Diagnosis, Gap, Named, Verdict};
 use crate::search::Search;
 use crate::search::map::Cell;
 use std::fmt::Write;
 
-/// The description of a diagnosis.
-pub(crate) fn description(problem: &Problem, d: &Diagnosis, field: &Discrepancy, search: &Search) -> String {
+/// The description of a diagnosis; `aside` are the trials that were set aside, each in words.
+pub(crate) fn description(
+    problem: &Problem,
+    d: &Diagnosis,
+    field: &Discrepancy,
+    search: &Search,
+    aside: &[String],
+) -> String {
     let mut out = String::new();
     match d.verdict {
         Verdict::None => {
@@ -56,7 +61,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, field: &Discrepancy,
     }
     out += &to_tell(d);
     out += &mixed_up(d);
-    out += &set_aside(problem, &d.set_aside);
+    out += &set_aside(problem, aside);
     out += &worst(&d.map);
     out += &shifts(d);
     out += &unburdened(&problem.catalogue, d);
@@ -319,8 +324,7 @@ fn mixed_up(d: &Diagnosis) -> String {
 }
 
 /// Trials that neither nothing missing nor the best hypothesis explains, and trials that were left out.
-fn set_aside(problem: &Problem, of: &[SetAside]) -> String {
-    let told: Vec<String> = of.iter().map(in_words).collect();
+fn set_aside(problem: &Problem, told: &[String]) -> String {
     let aside = if told.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", told.join("; ")) };
     if problem.astray.is_empty() {
         return aside;
