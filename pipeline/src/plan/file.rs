@@ -366,3 +366,22 @@ impl TestsFile {
         self.pivot[1..].iter().try_for_each(|x| within("pivot", "pivot, moment", *x, [0.0, 50.0]))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_another_unit_and_grafts_beside_a_whole_ligament_are_told() {
+        let usual = || parsed(EXAMPLE).unwrap();
+        let told = |plan: &PlanFile| plan.odd().iter().map(ToString::to_string).collect::<Vec<_>>();
+        assert!(told(&usual()).is_empty(), "{:?}", told(&usual()));
+        let mut plan = usual();
+        plan.graft[0].at_flexion_deg = 0.35;
+        assert!(told(&plan)[0].contains("at_flexion_deg is 0.35: radians?"), "{:?}", told(&plan));
+        let plan = PlanFile { tests: TestsFile { drawer_n: 0.0, ..usual().tests }, ..usual() };
+        assert!(told(&plan)[0].contains("tests.drawer_n is 0 N"), "{:?}", told(&plan));
+        let plan = PlanFile { cut: vec!["PCL".into()], ..usual() };
+        assert!(!told(&plan).is_empty() && told(&plan).iter().all(|t| t.contains("in the place of ACL")));
+    }
+}
