@@ -214,6 +214,17 @@ mod tests {
     }
 
     #[test]
+    fn percentages_as_parts_of_one_are_refused_as_in_a_plan() {
+        let of = |values: &str| {
+            parsed(&format!("femur_depth_percent = {values}\nfemur_height_percent = [25.0]"), &base()).map(|_| ())
+        };
+        let (row, told) = of("[0.2, 0.3]").unwrap_err();
+        assert!(row == Some(1) && told.contains("parts of 1?") && told.contains("[20.0, 30.0]"), "{row:?} {told}");
+        // the edge itself may be asked, and a list that goes beyond 1 is of percentages
+        assert!(of("[0.0]").is_ok() && of("[0.5, 20.0]").is_ok());
+    }
+
+    #[test]
     fn the_keys_are_the_choices_and_the_example_names_each() {
         let keys: Vec<&str> = KEYS[2..].iter().map(|k| k.name).collect();
         assert_eq!(keys, CHOICES.map(|c| c.key));
